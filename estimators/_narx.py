@@ -26,22 +26,15 @@ from ._trajectories import trajectory_slices
 
 
 class FreeRun(NamedTuple):
-    """A free run: outputs that follow from the inputs and the start alone.
-
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples,)
-        Outputs, in the unit of the target, within the bounds of the run.
-    held : ndarray of bool, shape (n_samples,)
-        Samples at which the run would have left the outputs of the fit and was held at their edge: it is unstable
-        there, or was never asked so much.
-    extrapolated : ndarray of bool, shape (n_samples,)
-        Samples whose inputs lie outside the range of the fit.
-    """
+    """A free run: outputs that follow from the inputs and the start alone."""
 
     y: np.ndarray
+    """Outputs, in the unit of the target, within the bounds of the run. Shape (n_samples,)."""
     held: np.ndarray
+    """Samples at which the run would have left the outputs of the fit and was held at their edge: it is unstable
+    there, or was never asked so much. Shape (n_samples,)."""
     extrapolated: np.ndarray
+    """Samples whose inputs lie outside the range of the fit, shape (n_samples,)."""
 
 
 @parameters

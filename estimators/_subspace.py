@@ -10,33 +10,23 @@ _EDGE = 1.0 - 1e-6  # largest pole: a free run must not diverge
 
 
 class Realisation(NamedTuple):
-    """A linear model of one order in standardised signals, and how it does.
-
-    Parameters
-    ----------
-    A, B, C, D : ndarray
-        The matrices; C and D are those of one output, as vectors.
-    offset : float
-        What is added to the output.
-    covariance : ndarray
-        Covariance of the states over the runs.
-    loss : float
-        Mean squared error of free runs from fitted first states.
-    correlation : float
-        Canonical correlation of past and future that the last state carries.
-    criterion : float
-        Squares of the correlations left out, and for each that is kept what chance alone would give.
-    """
+    """A linear model of one order in standardised signals, and how it does."""
 
     A: np.ndarray
     B: np.ndarray
     C: np.ndarray
     D: np.ndarray
+    """The matrices; C and D are those of one output, as vectors."""
     offset: float
+    """What is added to the output."""
     covariance: np.ndarray
+    """Covariance of the states over the runs."""
     loss: float
+    """Mean squared error of free runs from fitted first states."""
     correlation: float
+    """Canonical correlation of past and future that the last state carries."""
     criterion: float
+    """Squares of the correlations left out, and for each that is kept what chance alone would give."""
 
 
 def realisations(u: np.ndarray, z: np.ndarray, slices: list[slice], rows: int, most: int) -> list[Realisation]:

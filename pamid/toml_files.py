@@ -19,17 +19,12 @@ _LONG_KEY = re.compile(r"(?<![\w\"'-])(?:[\w\"'-]+[ \t]*\.[ \t]*){17}")
 
 
 class TomlErrors(NamedTuple):
-    """Which errors a kind of file raises.
-
-    Parameters
-    ----------
-    missing, oversized, broken : type of PamidError
-        There is no such file, it is far too large, or it is no TOML.
-    """
+    """Which errors a kind of file raises."""
 
     missing: type[PamidError]
     oversized: type[PamidError]
     broken: type[PamidError]
+    """There is no such file, it is far too large, or it is no TOML."""
 
 
 def read_toml(path: str | Path, what: str, errors: TomlErrors) -> dict[str, Any]:

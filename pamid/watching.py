@@ -31,24 +31,16 @@ NAMED = 3
 
 @dataclass(frozen=True)
 class StreamChange:
-    """A change of the rig that a stream shows.
-
-    Parameters
-    ----------
-    time : float
-        When it began, s.
-    equation : str
-        Where it showed first.
-    changes : list of Change
-        What has changed, as the diagnosis of what came since says; empty where the library does not hold it.
-    diagnosis : Diagnosis
-        That diagnosis, of the healthy stretch and what came since.
-    """
+    """A change of the rig that a stream shows."""
 
     time: float
+    """When it began, s."""
     equation: str
+    """Where it showed first."""
     changes: list[Change]
+    """What has changed, as the diagnosis of what came since says; empty where the library does not hold it."""
     diagnosis: Diagnosis = field(repr=False)
+    """That diagnosis, of the healthy stretch and what came since."""
 
 
 class SimulatorWatch:

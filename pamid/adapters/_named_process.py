@@ -101,21 +101,14 @@ class BraidLaw:
 
 @dataclass(frozen=True)
 class CarriedLaw:
-    """The map of a source with a gain, another scale of contraction, a threshold that shifts with it, and a preload.
-
-    Parameters
-    ----------
-    source : NamedProcess
-        Process of the source.
-    ratio : float
-        Diameter of the target over that of the source: the further from 1, the wider the priors.
-    stretch : float
-        What the target's contraction is multiplied by to be the source's: the ratio of the greatest ones.
-    """
+    """The map of a source with a gain, another scale of contraction, a threshold that shifts with it, and a preload."""
 
     source: NamedProcess
+    """Process of the source."""
     ratio: float = 1.0
+    """Diameter of the target over that of the source: the further from 1, the wider the priors."""
     stretch: float = 1.0
+    """What the target's contraction is multiplied by to be the source's: the ratio of the greatest ones."""
 
     names = ("gain", "contraction", "threshold", "threshold_slope", "threshold_curvature", "preload")
 

@@ -33,19 +33,6 @@ SENSORS: Mapping[str, Sensor] = {
 class LiftSettings:
     """What is around the muscle.
 
-    Parameters
-    ----------
-    frequency : float, default=0.05
-        Of the wanted pressure, Hz.
-    peak : float, default=7e5
-        Largest wanted pressure, Pa gauge; the least is 0.
-    proportional, integral, derivative : float
-        Gains of the pressure controller, 1/Pa, 1/(Pa s), s/Pa.
-    stand_stiffness : float, default=5e6
-        Of the stand on which the load rests until it is lifted, N/m.
-    damping : float, default=60
-        Of the guide of the load, N s/m.
-
     Examples
     --------
     >>> from pamid.bench.single import LiftSettings
@@ -54,12 +41,17 @@ class LiftSettings:
     """
 
     frequency: float = 0.05
+    """Of the wanted pressure, Hz."""
     peak: float = 7e5
+    """Largest wanted pressure, Pa gauge; the least is 0."""
     proportional: float = 2e-5
     integral: float = 2e-4
     derivative: float = 0.0
+    """Gains of the pressure controller, 1/Pa, 1/(Pa s), s/Pa."""
     stand_stiffness: float = 5e6
+    """Of the stand on which the load rests until it is lifted, N/m."""
     damping: float = 60.0
+    """Of the guide of the load, N s/m."""
 
 
 def festo_like() -> BenchParameters:

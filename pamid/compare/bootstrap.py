@@ -8,17 +8,12 @@ import numpy as np
 
 
 class Interval(NamedTuple):
-    """A value with the interval that its bootstrap gives.
-
-    Parameters
-    ----------
-    value, low, high : float
-        In the unit of the value.
-    """
+    """A value with the interval that its bootstrap gives."""
 
     value: float
     low: float
     high: float
+    """In the unit of the value."""
 
 
 class ClusterBootstrap:

@@ -25,50 +25,34 @@ BASELINE = "baseline (mean)"
 
 @dataclass(frozen=True)
 class Score:
-    """One estimator in a comparison.
-
-    Parameters
-    ----------
-    estimator : str
-        Its label.
-    rmse, rmse_low, rmse_high : float
-        Root mean square error on unseen runs, with its 90 % interval over runs, in the unit of the
-        target.
-    nrmse : float
-        `rmse` over the standard deviation of the target.
-    behind, behind_low, behind_high : float
-        By how much `rmse` exceeds that of the best estimator, with its interval on the same draws.
-    differs : bool
-        Whether that interval leaves out zero.
-    fit_seconds : float
-        Time of one fit, s, mean over the folds.
-    predict_ms_per_1000 : float
-        Time to predict 1000 rows, ms.
-    n_parameters : int or None
-        Numbers that the fit has set; of those that a sparse fit keeps, the mean over the folds.
-    n_fit_rows : int
-        Rows of the largest fit.
-    error : str
-        Why it failed; empty if it did not.
-    warnings : tuple of str
-        What it warned of.
-    """
+    """One estimator in a comparison."""
 
     estimator: str
+    """Its label."""
     rmse: float = math.nan
     rmse_low: float = math.nan
     rmse_high: float = math.nan
+    """Root mean square error on unseen runs, with its 90 % interval over runs, in the unit of the target."""
     nrmse: float = math.nan
+    """`rmse` over the standard deviation of the target."""
     behind: float = math.nan
     behind_low: float = math.nan
     behind_high: float = math.nan
+    """By how much `rmse` exceeds that of the best estimator, with its interval on the same draws."""
     differs: bool = False
+    """Whether that interval leaves out zero."""
     fit_seconds: float = math.nan
+    """Time of one fit, s, mean over the folds."""
     predict_ms_per_1000: float = math.nan
+    """Time to predict 1000 rows, ms."""
     n_parameters: int | None = None
+    """Numbers that the fit has set; of those that a sparse fit keeps, the mean over the folds."""
     n_fit_rows: int = 0
+    """Rows of the largest fit."""
     error: str = ""
+    """Why it failed; empty if it did not."""
     warnings: tuple[str, ...] = ()
+    """What it warned of."""
 
     @property
     def fit(self) -> float:

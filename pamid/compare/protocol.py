@@ -299,28 +299,19 @@ def _smoothed(table: pd.DataFrame, column: str, cutoff: float, method: str) -> n
 
 @dataclass
 class Fold:
-    """One split: rows by their number in the table.
-
-    Parameters
-    ----------
-    train : ndarray of bool, shape (n_rows,)
-        Rows of the training runs.
-    test : ndarray of bool, shape (n_rows,)
-        Rows of the held-out runs.
-    fit_rows : ndarray of int
-        Rows that estimators without memory are fitted on.
-    even_train, even_test : ndarray of int
-        Evenly spaced rows of both parts, for estimators that learn from sequences.
-    score_rows : ndarray of int
-        Rows on which all are scored.
-    """
+    """One split: rows by their number in the table."""
 
     train: np.ndarray
+    """Rows of the training runs, shape (n_rows,)."""
     test: np.ndarray
+    """Rows of the held-out runs, shape (n_rows,)."""
     fit_rows: np.ndarray
+    """Rows that estimators without memory are fitted on."""
     even_train: np.ndarray
     even_test: np.ndarray
+    """Evenly spaced rows of both parts, for estimators that learn from sequences."""
     score_rows: np.ndarray
+    """Rows on which all are scored."""
 
 
 def folds(

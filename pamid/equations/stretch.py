@@ -38,27 +38,18 @@ _JUMP = 8.0  # standard deviations of what lies between samples: a step over a h
 
 @dataclass
 class Stretch:
-    """Signals of one stretch of a log on equal steps.
-
-    Parameters
-    ----------
-    trajectory : str
-        Name of the run.
-    time : array, shape (n_rows,)
-        s.
-    dt : float
-        Step, s.
-    readings : dict of str to array, shape (n_rows, n_columns)
-        Channels by name; ``q`` has one column, the others one per muscle.
-    bridges : dict of str to list of Bridge
-        For each channel of which not all rows were read, how its columns came to equal steps.
-    """
+    """Signals of one stretch of a log on equal steps."""
 
     trajectory: str
+    """Name of the run."""
     time: np.ndarray
+    """s; shape (n_rows,)."""
     dt: float
+    """Step, s."""
     readings: dict[str, np.ndarray]
+    """Channels by name; ``q`` has one column, the others one per muscle. Shape (n_rows, n_columns)."""
     bridges: dict[str, list[Bridge]] = field(default_factory=dict)
+    """For each channel of which not all rows were read, how its columns came to equal steps."""
     noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
     selections: dict[tuple[Any, ...], Windows] = field(default_factory=dict)
     smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)

@@ -97,28 +97,19 @@ def centre(x: np.ndarray, n: int, order: int, first: np.ndarray) -> np.ndarray:
 
 
 class Bridge(NamedTuple):
-    """How a column came to equal steps.
-
-    Parameters
-    ----------
-    at, samples : array, shape (n_samples,)
-        Places of what was read, in steps, and what was read.
-    given : array of bool, shape (n_rows,)
-        Rows at which it was read.
-    mix : sparse array, shape (n_rows, n_samples)
-        What each sample contributes to each row.
-    hidden : float
-        Standard deviation of what the signal does between samples beyond its straight line, in its unit.
-    torn : array of bool, shape (n_rows,)
-        Rows of holes in which it jumped.
-    """
+    """How a column came to equal steps."""
 
     at: np.ndarray
     samples: np.ndarray
+    """Places of what was read, in steps, and what was read. Shape (n_samples,)."""
     given: np.ndarray
+    """Rows at which it was read, shape (n_rows,)."""
     mix: csr_array
+    """What each sample contributes to each row, shape (n_rows, n_samples)."""
     hidden: float
+    """Standard deviation of what the signal does between samples beyond its straight line, in its unit."""
     torn: np.ndarray
+    """Rows of holes in which it jumped, shape (n_rows,)."""
 
 
 @dataclass
@@ -127,27 +118,19 @@ class Windows:
 
     Where samples are missing, an equation without derivatives is averaged over those that are there; the test function
     of a derivative goes over rows that were bridged.
-
-    Parameters
-    ----------
-    n, order : int
-        Samples per window and order of the test functions.
-    first : array of int, shape (n_windows,)
-        Their first rows.
-    n_rows : int
-        Rows of the stretch.
-    given : array of bool, shape (n_rows, n_sides), optional
-        Rows that count, for order 1; all by default.
-    parts : tuple of slice, optional
-        The windows of each stretch, where several are joined.
     """
 
     n: int
     order: int
+    """Samples per window and order of the test functions."""
     first: np.ndarray
+    """Their first rows, shape (n_windows,)."""
     n_rows: int
+    """Rows of the stretch."""
     given: np.ndarray | None = None
+    """Rows that count, for order 1; all by default. Shape (n_rows, n_sides)."""
     parts: tuple[slice, ...] = (slice(None),)
+    """The windows of each stretch, where several are joined."""
     _covariances: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict, repr=False)
     _time: np.ndarray | None = field(default=None, repr=False)
 

@@ -47,59 +47,39 @@ TYPICAL = {
 
 @dataclass(frozen=True)
 class Lift:
-    """A force of contractile element, spring and damper, by which a load moves.
-
-    Parameters
-    ----------
-    elements : tuple of Symbol
-        Force of the contractile element (N), stiffness (N/m) and damping (N s/m) from ``P`` and ``dP``.
-    rest_length : float
-        L₀, m.
-    top : float
-        Contraction at which a lift is held, dimensionless.
-    gravity : float
-        m/s².
-    """
+    """A force of contractile element, spring and damper, by which a load moves."""
 
     elements: tuple[Symbol, ...]
+    """Force of the contractile element (N), stiffness (N/m) and damping (N s/m) from ``P`` and ``dP``."""
     rest_length: float
+    """L₀, m."""
     top: float
+    """Contraction at which a lift is held, dimensionless."""
     gravity: float
+    """m/s²."""
 
 
 @dataclass(frozen=True)
 class FormulaPlan:
-    """A formula ready to be written in another language.
-
-    Parameters
-    ----------
-    name : str
-        A C identifier.
-    estimator : str
-        What it was.
-    inputs : dict of str to str
-        The signals that it reads, and their units.
-    outputs : tuple of Output
-        What it gives.
-    lift : Lift or None
-        By what a load moves.
-    predict : callable
-        The model's own ``predict`` on an array of shape (n_samples, n_inputs), as columns.
-    centre, width : ndarray, shape (n_inputs,)
-        Where the inputs lie.
-    notes : tuple of str
-        What a user of the export must know.
-    """
+    """A formula ready to be written in another language."""
 
     name: str
+    """A C identifier."""
     estimator: str
+    """What it was."""
     inputs: dict[str, str]
+    """The signals that it reads, and their units."""
     outputs: tuple[Output, ...]
+    """What it gives."""
     lift: Lift | None
+    """By what a load moves."""
     predict: Callable[[np.ndarray], np.ndarray]
+    """The model's own ``predict`` on an array of shape (n_samples, n_inputs), as columns."""
     centre: np.ndarray
     width: np.ndarray
+    """Where the inputs lie, shape (n_inputs,)."""
     notes: tuple[str, ...]
+    """What a user of the export must know."""
 
 
 def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPlan | None:

@@ -36,69 +36,46 @@ JET = ("V", "V_eps", "V_P")
 
 @dataclass(frozen=True)
 class Output:
-    """One thing that the exported model predicts.
-
-    Parameters
-    ----------
-    name : str
-        Name of the equation: ``"force"`` or ``"flow"``.
-    column : str
-        Its column in a log.
-    unit : str
-        Its unit.
-    formula : Symbol
-        The prediction from the inputs, V, ∂V/∂ε and ∂V/∂P.
-    """
+    """One thing that the exported model predicts."""
 
     name: str
+    """Name of the equation: ``"force"`` or ``"flow"``."""
     column: str
+    """Its column in a log."""
     unit: str
+    """Its unit."""
     formula: Symbol
+    """The prediction from the inputs, V, ∂V/∂ε and ∂V/∂P."""
 
 
 @dataclass(frozen=True)
 class ExportPlan:
-    """A model ready to be written in another language.
-
-    Parameters
-    ----------
-    name : str
-        A C identifier.
-    estimator : str
-        What it was.
-    anchor : ContactVolume or None
-        The geometric part of the volume.
-    network : NeuralVolume or None
-        The learnt part.
-    factor, offset : float
-        Factor on the volume, dimensionless, and what is added to it, m³.
-    outputs : tuple of Output
-        What it predicts.
-    predict : callable
-        The model's own ``predict`` on an array of shape (n_samples, 4), for reference values.
-    volume : callable
-        Its volume, likewise.
-    centre, width : ndarray, shape (4,)
-        Where the inputs of the fit lay.
-    notes : tuple of str
-        What a user of the export must know.
-    memory : Memory or None
-        What its effects remember; `predict` and `volume` then take the readings of a path, `STEP` seconds apart.
-    """
+    """A model ready to be written in another language."""
 
     name: str
+    """A C identifier."""
     estimator: str
+    """What it was."""
     anchor: ContactVolume | None
+    """The geometric part of the volume."""
     network: NeuralVolume | None
+    """The learnt part."""
     factor: float
     offset: float
+    """Factor on the volume, dimensionless, and what is added to it, m³."""
     outputs: tuple[Output, ...]
+    """What it predicts."""
     predict: Callable[[np.ndarray], np.ndarray]
+    """The model's own ``predict`` on an array of shape (n_samples, 4), for reference values."""
     volume: Callable[[np.ndarray], tuple[np.ndarray, ...]]
+    """Its volume, likewise."""
     centre: np.ndarray
     width: np.ndarray
+    """Where the inputs of the fit lay, shape (4,)."""
     notes: tuple[str, ...] = ()
+    """What a user of the export must know."""
     memory: Memory | None = None
+    """What its effects remember; `predict` and `volume` then take the readings of a path, `STEP` seconds apart."""
 
 
 def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), plant: Plant | None = None) -> ExportPlan:

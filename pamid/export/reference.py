@@ -18,18 +18,12 @@ SERIES_BELOW = {"float64": 0.05, "float32": 0.3}
 
 @dataclass(frozen=True)
 class Reference:
-    """Inputs and expected outputs.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n_rows, 4)
-        States, exactly representable in single precision.
-    expected : ndarray, shape (n_rows, n_outputs + 3)
-        Predictions, then V, ∂V/∂ε and ∂V/∂P.
-    """
+    """Inputs and expected outputs."""
 
     inputs: np.ndarray
+    """States, exactly representable in single precision. Shape (n_rows, 4)."""
     expected: np.ndarray
+    """Predictions, then V, ∂V/∂ε and ∂V/∂P. Shape (n_rows, n_outputs + 3)."""
 
     def tolerance(self, dtype: str) -> np.ndarray:
         """Return the largest deviation of each column that passes."""

@@ -20,39 +20,25 @@ _FAR = 20.0  # standard deviations at which a run is held while a fit looks for 
 
 
 class StepModel(NamedTuple):
-    """The function of the lags.
-
-    Parameters
-    ----------
-    value : callable
-        Parameters and scaled lags (n, n_lags) to the scaled step (n,).
-    derivatives : callable
-        The same to the step (n,), ∂step/∂φ (n, n_lags) and ∂step/∂θ (n, n_parameters).
-    """
+    """The function of the lags."""
 
     value: Callable[[np.ndarray, np.ndarray], np.ndarray]
+    """Parameters and scaled lags (n, n_lags) to the scaled step (n,)."""
     derivatives: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+    """The same to the step (n,), ∂step/∂φ (n, n_lags) and ∂step/∂θ (n, n_parameters)."""
 
 
 class Segments(NamedTuple):
-    """Stretches of equal length that run side by side.
-
-    Parameters
-    ----------
-    inputs : ndarray, shape (n_segments, length, n_input_lags)
-        Lagged inputs.
-    wanted : ndarray, shape (n_segments, length)
-        Outputs.
-    before : ndarray, shape (n_segments, n_output_lags)
-        Outputs before the first row, the latest first.
-    counts : ndarray, shape (n_segments, length)
-        1 where a row belongs to the segment, 0 where it fills up.
-    """
+    """Stretches of equal length that run side by side."""
 
     inputs: np.ndarray
+    """Lagged inputs, shape (n_segments, length, n_input_lags)."""
     wanted: np.ndarray
+    """Outputs, shape (n_segments, length)."""
     before: np.ndarray
+    """Outputs before the first row, the latest first. Shape (n_segments, n_output_lags)."""
     counts: np.ndarray
+    """1 where a row belongs to the segment, 0 where it fills up. Shape (n_segments, length)."""
 
 
 def input_lags(u: np.ndarray, slices: list[slice], lags: int, delay: int = 0) -> np.ndarray:

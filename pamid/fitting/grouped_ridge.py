@@ -14,21 +14,14 @@ import numpy as np
 
 
 class GroupedRidge(NamedTuple):
-    """A fitted ridge regression.
-
-    Parameters
-    ----------
-    held_out : array, shape (n,)
-        Prediction of each row from the other folds; zero where no penalty predicts better than nothing.
-    weights : array, shape (n_columns,)
-        Weights fitted to all rows; zero likewise.
-    share : float
-        Share of the mean square that `held_out` explains, at least 0.
-    """
+    """A fitted ridge regression."""
 
     held_out: np.ndarray
+    """Prediction of each row from the other folds; zero where no penalty predicts better than nothing. Shape (n,)."""
     weights: np.ndarray
+    """Weights fitted to all rows; zero likewise. Shape (n_columns,)."""
     share: float
+    """Share of the mean square that `held_out` explains, at least 0."""
 
 
 def grouped_ridge(B: np.ndarray, r: np.ndarray, folds: np.ndarray, ridges: Sequence[float]) -> GroupedRidge:

@@ -22,15 +22,6 @@ Point = TypeVar("Point")
 class Damping:
     """Marquardt's damping: grown until a step lowers the loss, shrunk after one that does.
 
-    Parameters
-    ----------
-    value : float
-        Damping of the next trial.
-    shrink, grow : float
-        Factors after a step that lowers the loss and after one that does not.
-    least, most : float
-        Bounds: it never falls below the first, and no step is tried above the second.
-
     Examples
     --------
     >>> from pamid.fitting.marquardt import Damping
@@ -42,10 +33,13 @@ class Damping:
     """
 
     value: float
+    """Damping of the next trial."""
     shrink: float
     grow: float
+    """Factors after a step that lowers the loss and after one that does not."""
     least: float
     most: float
+    """Bounds: it never falls below the first, and no step is tried above the second."""
 
     def descend(
         self, before: float, propose: Callable[[float], Point | None], loss: Callable[[Point], float]

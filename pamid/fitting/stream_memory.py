@@ -20,24 +20,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Rows:
-    """Rows of a stream.
-
-    Parameters
-    ----------
-    X : ndarray, shape (n_samples, n_columns)
-        The validated table.
-    y : ndarray, shape (n_samples, n_targets)
-        Targets.
-    weight : ndarray, shape (n_samples,)
-        How often each row came, or its sample weight.
-    unit : ndarray of int, shape (n_samples,)
-        Run of each row, or its batch.
-    """
+    """Rows of a stream."""
 
     X: np.ndarray
+    """The validated table, shape (n_samples, n_columns)."""
     y: np.ndarray
+    """Targets, shape (n_samples, n_targets)."""
     weight: np.ndarray
+    """How often each row came, or its sample weight. Shape (n_samples,)."""
     unit: np.ndarray
+    """Run of each row, or its batch. Shape (n_samples,)."""
 
     def __len__(self) -> int:
         return len(self.y)

@@ -75,18 +75,12 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
 
 
 class Library(NamedTuple):
-    """The library to first order.
-
-    Parameters
-    ----------
-    templates : dict of str to list of Template
-        The templates of each effect that was evaluated.
-    interrupted : bool
-        Whether the user interrupted the rest.
-    """
+    """The library to first order."""
 
     templates: dict[str, list[Template]]
+    """The templates of each effect that was evaluated."""
     interrupted: bool
+    """Whether the user interrupted the rest."""
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:

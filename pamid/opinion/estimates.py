@@ -27,18 +27,12 @@ _ROUND = 1e-13
 
 
 class Open(NamedTuple):
-    """A direction of the numbers that a log does not fix.
-
-    Parameters
-    ----------
-    weights : dict of str to float
-        Relative change of each number along it, the largest 1.
-    spread : float
-        Standard deviation along it, relative to the largest.
-    """
+    """A direction of the numbers that a log does not fix."""
 
     weights: dict[str, float]
+    """Relative change of each number along it, the largest 1."""
     spread: float
+    """Standard deviation along it, relative to the largest."""
 
     def __str__(self) -> str:
         """Return the combination and how far it is open."""
@@ -49,31 +43,21 @@ class Open(NamedTuple):
 
 
 class Estimates(NamedTuple):
-    """Numbers as a log has them, about a simulator.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The numbers.
-    values, errors : array, shape (n,)
-        Estimates and standard errors, in the numbers' units.
-    alone : array, shape (n,)
-        Standard errors where the simulator's effects are taken as they are.
-    flat : list of Open
-        Directions that the log leaves as wide as they may be.
-    agreement : float
-        Probability of runs that differ as much by chance; NaN of a single run.
-    worst : str
-        Number in which runs differ most.
-    """
+    """Numbers as a log has them, about a simulator."""
 
     names: tuple[str, ...]
+    """The numbers."""
     values: np.ndarray
     errors: np.ndarray
+    """Estimates and standard errors, in the numbers' units. Shape (n,)."""
     alone: np.ndarray
+    """Standard errors where the simulator's effects are taken as they are, shape (n,)."""
     flat: list[Open]
+    """Directions that the log leaves as wide as they may be."""
     agreement: float
+    """Probability of runs that differ as much by chance; NaN of a single run."""
     worst: str
+    """Number in which runs differ most."""
 
 
 def freed(simulator: Simulator, values: Mapping[str, float], tolerance: float = WIDE) -> Simulator:

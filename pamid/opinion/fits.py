@@ -35,19 +35,13 @@ _ORDERS = ("joint_order", "joint_names", "joints", "names")
 
 @dataclass(frozen=True)
 class FittedNumber:
-    """A number as a tool leaves it.
-
-    Parameters
-    ----------
-    value : float
-        What it fitted.
-    lower, upper : float or None
-        Bounds of its fit.
-    """
+    """A number as a tool leaves it."""
 
     value: float
+    """What it fitted."""
     lower: float | None = None
     upper: float | None = None
+    """Bounds of its fit."""
 
 
 @dataclass(frozen=True)

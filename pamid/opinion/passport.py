@@ -32,50 +32,33 @@ _STYLE = (
 
 @dataclass(frozen=True)
 class Entry:
-    """A number of a passport.
-
-    Parameters
-    ----------
-    value : float
-        As the log has it, beside what was missing.
-    low, high : float
-        Its 90 % interval; infinite where the log does not determine it.
-    unit : str
-        Its unit.
-    status : str
-        See `Judgement`.
-    fitted : float
-        As the tool fitted it.
-    """
+    """A number of a passport."""
 
     value: float
+    """As the log has it, beside what was missing."""
     low: float
     high: float
+    """Its 90 % interval; infinite where the log does not determine it."""
     unit: str
+    """Its unit."""
     status: str
+    """See `Judgement`."""
     fitted: float
+    """As the tool fitted it."""
 
 
 @dataclass(frozen=True)
 class RigCheck:
-    """What another log said of a passport.
-
-    Parameters
-    ----------
-    name : str
-        The log.
-    status : dict of str to str
-        For each number ``"agrees"``, ``"differs"`` or ``"open"``.
-    values : dict of str to (float, float)
-        The log's own value and the half width of its 90 % interval.
-    outside : list of str
-        Signals that leave the range on which the passport holds.
-    """
+    """What another log said of a passport."""
 
     name: str
+    """The log."""
     status: dict[str, str]
+    """For each number ``"agrees"``, ``"differs"`` or ``"open"``."""
     values: dict[str, tuple[float, float]]
+    """The log's own value and the half width of its 90 % interval."""
     outside: list[str] = field(default_factory=list)
+    """Signals that leave the range on which the passport holds."""
 
 
 @dataclass(frozen=True)

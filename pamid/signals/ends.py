@@ -14,21 +14,14 @@ _IN_A_ROW = 4
 
 
 class End(NamedTuple):
-    """The end of a sensor's range.
-
-    Parameters
-    ----------
-    limit : float
-        The largest size that it reads.
-    rows : array of bool, shape (n,)
-        Rows that stand there.
-    surprise : float
-        Logarithm of how unlikely each of them is for readings that end nowhere.
-    """
+    """The end of a sensor's range."""
 
     limit: float
+    """The largest size that it reads."""
     rows: np.ndarray
+    """Rows that stand there, shape (n,)."""
     surprise: float
+    """Logarithm of how unlikely each of them is for readings that end nowhere."""
 
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:

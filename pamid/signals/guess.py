@@ -30,52 +30,35 @@ _LOWEST = 0.8
 
 @dataclass(frozen=True)
 class Guess:
-    """What one column probably is.
-
-    Parameters
-    ----------
-    column : str or int
-        Its name, or its position where the log names none.
-    signal : str
-        Signal of the tidy log; ``"trajectory"`` for the names of runs, ``""`` where nothing is known.
-    unit : str or None
-        Unit of the column; None: SI.
-    gauge : bool or None
-        For pressures: whether it is gauge pressure.
-    source : str
-        As in `SignalMapping`: ``"value"``, ``"length"`` or ``"shortening"``.
-    scale : float
-        Factor on the raw value.
-    allowed : tuple of float or None
-        Values that count.
-    sure : bool
-        Whether the unit follows from the name, not from the range alone.
-    why : str
-        The reason for or against it.
-    low, high : float
-        Range of the column.
-    question : str
-        What has to be answered before the column can be used at all; empty where nothing has to.
-    settled : bool
-        For pressures: whether gauge or absolute is said by the name, the unit or the user rather than by the range.
-    own : bool
-        Whether its signal is a name of a simulator's own, which elsewhere stands for a quantity of another unit.
-    """
+    """What one column probably is."""
 
     column: str | int
+    """Its name, or its position where the log names none."""
     signal: str = ""
+    """Signal of the tidy log; ``"trajectory"`` for the names of runs, ``""`` where nothing is known."""
     unit: str | None = None
+    """Unit of the column; None: SI."""
     gauge: bool | None = None
+    """For pressures: whether it is gauge pressure."""
     source: str = "value"
+    """As in `SignalMapping`: ``"value"``, ``"length"`` or ``"shortening"``."""
     scale: float = 1.0
+    """Factor on the raw value."""
     allowed: tuple[float, ...] | None = None
+    """Values that count."""
     sure: bool = True
+    """Whether the unit follows from the name, not from the range alone."""
     why: str = ""
+    """The reason for or against it."""
     low: float = float("nan")
     high: float = float("nan")
+    """Range of the column."""
     question: str = ""
+    """What has to be answered before the column can be used at all; empty where nothing has to."""
     settled: bool = False
+    """For pressures: whether gauge or absolute is said by the name, the unit or the user rather than by the range."""
     own: bool = False
+    """Whether its signal is a name of a simulator's own, which elsewhere stands for a quantity of another unit."""
 
     def settings(self) -> dict[str, Any]:
         """Return the entry of a mapping."""

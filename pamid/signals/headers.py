@@ -27,21 +27,6 @@ _BRACKETS = re.compile(r"([\[({<])\s*([^\[\](){}<>]*(?:\([^()]*\))?)\s*[\])}>]")
 class Header(NamedTuple):
     """What a header says.
 
-    Parameters
-    ----------
-    words : list of str
-        Its words in small letters, without unit.
-    unit : str or None
-        Unit that it states, as `pamid.signals.UNITS` names it.
-    unread : str
-        What stands where a unit should and is none that is known; empty otherwise.
-    gauge : bool or None
-        True for gauge, False for absolute pressure, None where it says neither.
-    bracketed : bool
-        Whether the unit stands in brackets or behind a slash: it is then meant as one beyond doubt.
-    bare : str
-        The name without its unit, letter by letter.
-
     Examples
     --------
     >>> from pamid.signals.headers import read_header
@@ -50,11 +35,17 @@ class Header(NamedTuple):
     """
 
     words: list[str]
+    """Its words in small letters, without unit."""
     unit: str | None = None
+    """Unit that it states, as `pamid.signals.UNITS` names it."""
     unread: str = ""
+    """What stands where a unit should and is none that is known; empty otherwise."""
     gauge: bool | None = None
+    """True for gauge, False for absolute pressure, None where it says neither."""
     bracketed: bool = False
+    """Whether the unit stands in brackets or behind a slash: it is then meant as one beyond doubt."""
     bare: str = ""
+    """The name without its unit, letter by letter."""
 
 
 def read_header(name: str) -> Header:

@@ -32,32 +32,22 @@ Source = tuple[Path, list[RawTable], "pd.DataFrame | None"]
 
 
 class Joined(NamedTuple):
-    """How the files of a run were joined.
-
-    Parameters
-    ----------
-    run : str
-        Folder of the files.
-    readings, commands : str
-        File whose stamps the rows keep, and one that was brought to them.
-    held : bool
-        Whether its values hold until the next, as commands do; else they are interpolated.
-    age : float
-        Median age of the value held at a reading, s.
-    delay : float or None
-        By how much later than the stamps of commands the readings of a quantity are most like them, s; None where no
-        two columns are called alike or none moves.
-    rows : int
-        Rows joined.
-    """
+    """How the files of a run were joined."""
 
     run: str
+    """Folder of the files."""
     readings: str
     commands: str
+    """File whose stamps the rows keep, and one that was brought to them."""
     held: bool
+    """Whether its values hold until the next, as commands do; else they are interpolated."""
     age: float
+    """Median age of the value held at a reading, s."""
     delay: float | None
+    """By how much later than the stamps of commands the readings of a quantity are most like them, s; None where no
+    two columns are called alike or none moves."""
     rows: int
+    """Rows joined."""
 
 
 def sources(files: Sequence[Path], mapping: LogMapping, max_bytes: int, told: list[Joined]) -> Iterator[Source]:

@@ -21,21 +21,15 @@ _WIDE = 1e6
 
 
 class Smoother(NamedTuple):
-    """A smoother at one cut-off frequency, in a state scaled by it: (y, ẏ/ω, ÿ/ω²).
-
-    Parameters
-    ----------
-    omega : float
-        Bandwidth ω, rad per sample.
-    F, H, Q, R : ndarray
-        Transition (3, 3), measurement (1, 3), process noise (3, 3), measurement noise (1, 1).
-    """
+    """A smoother at one cut-off frequency, in a state scaled by it: (y, ẏ/ω, ÿ/ω²)."""
 
     omega: float
+    """Bandwidth ω, rad per sample."""
     F: np.ndarray
     H: np.ndarray
     Q: np.ndarray
     R: np.ndarray
+    """Transition (3, 3), measurement (1, 3), process noise (3, 3), measurement noise (1, 1)."""
 
 
 @lru_cache(maxsize=64)
@@ -71,21 +65,14 @@ def filterpy_filter(m: Smoother, P: np.ndarray) -> Any:
 
 
 class Steady(NamedTuple):
-    """Constant gains of a model.
-
-    Parameters
-    ----------
-    P : ndarray, shape (3, 3)
-        Covariance of the filtered state.
-    K : ndarray, shape (3,)
-        Kalman gain.
-    C : ndarray, shape (3, 3)
-        Gain of the RTS smoother.
-    """
+    """Constant gains of a model."""
 
     P: np.ndarray
+    """Covariance of the filtered state, shape (3, 3)."""
     K: np.ndarray
+    """Kalman gain, shape (3,)."""
     C: np.ndarray
+    """Gain of the RTS smoother, shape (3, 3)."""
 
 
 @lru_cache(maxsize=64)

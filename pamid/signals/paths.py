@@ -65,21 +65,15 @@ def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, widt
 
 
 class Turns(NamedTuple):
-    """Where the columns of a path turn, run by run; a lane is one column of one run.
-
-    Parameters
-    ----------
-    values : array, shape (n_turns, n_lanes)
-        The signal where it turns, its first and last value included; lanes of fewer turns stay at their last.
-    last : array of int, shape (n, ...)
-        Place of the last turn before each row in ``values``, raveled.
-    before : array, shape (n, ...)
-        The signal there.
-    """
+    """Where the columns of a path turn, run by run; a lane is one column of one run."""
 
     values: np.ndarray
+    """The signal where it turns, its first and last value included; lanes of fewer turns stay at their last. Shape
+    (n_turns, n_lanes)."""
     last: np.ndarray
+    """Place of the last turn before each row in ``values``, raveled. Shape (n, ...)."""
     before: np.ndarray
+    """The signal there, shape (n, ...)."""
 
 
 class Path:

@@ -167,21 +167,14 @@ def _spread(
 
 @dataclass(frozen=True)
 class Sliced:
-    """A file that is read in slices.
-
-    Parameters
-    ----------
-    ends : list of int
-        Row behind the last one of each slice.
-    sorted : bool
-        Whether the rows of each run stand together.
-    read : callable
-        Yields the slices whose numbers it is given, all with None.
-    """
+    """A file that is read in slices."""
 
     ends: list[int]
+    """Row behind the last one of each slice."""
     sorted: bool
+    """Whether the rows of each run stand together."""
     read: Callable[[Collection[int] | None], Iterator[pd.DataFrame]]
+    """Yields the slices whose numbers it is given, all with None."""
 
     @property
     def rows(self) -> int:

@@ -15,24 +15,16 @@ from .units import base_name
 
 
 class UnitFinding(NamedTuple):
-    """One signal whose values are plainly not in the unit expected.
-
-    Parameters
-    ----------
-    signal : str
-        Name of the signal.
-    found : str
-        What was seen, with its value: "P1 reaches 6.2: that looks like bar".
-    expected : str
-        What was expected.
-    reference : bool
-        Whether it is about gauge against absolute pressure.
-    """
+    """One signal whose values are plainly not in the unit expected."""
 
     signal: str
+    """Name of the signal."""
     found: str
+    """What was seen, with its value: "P1 reaches 6.2: that looks like bar"."""
     expected: str
+    """What was expected."""
     reference: bool = False
+    """Whether it is about gauge against absolute pressure."""
 
     @property
     def text(self) -> str:

@@ -35,13 +35,6 @@ _LONGEST_GRID = 20
 class Grid(NamedTuple):
     """Sampling of one run.
 
-    Parameters
-    ----------
-    period : float
-        Sampling period, s: the median step, or the mean of equal steps.
-    t : ndarray, shape (n_samples,), or None
-        Times from the first sample in units of the period; None for equal steps.
-
     Examples
     --------
     >>> import numpy as np
@@ -51,7 +44,9 @@ class Grid(NamedTuple):
     """
 
     period: float
+    """Sampling period, s: the median step, or the mean of equal steps."""
     t: np.ndarray | None
+    """Times from the first sample in units of the period; None for equal steps. Shape (n_samples,)."""
 
 
 def _method(name: str) -> ModuleType:

@@ -37,33 +37,22 @@ class _Found:
 
 @dataclass
 class Readings:
-    """What was found in the readings of one or several logs.
-
-    Parameters
-    ----------
-    found : dict
-        For each signal and kind (``"impossible"``, ``"glitch"``, ``"end"``): how many, the first one, what is done.
-    still : dict of str to dict
-        For each signal the runs in which it reads one value throughout, with that value.
-    runs : int
-        Runs looked at.
-    rows : int
-        Rows looked at.
-    columns : dict of str to str
-        Columns that look like a signal and cannot be read as one, with the reason.
-    seen : dict of str to str
-        Name of each run by its mark.
-    repeated : list of (str, str)
-        Runs that read the same as an earlier one, sample by sample.
-    """
+    """What was found in the readings of one or several logs."""
 
     found: dict[tuple[str, str], _Found] = field(default_factory=dict)
+    """For each signal and kind (``"impossible"``, ``"glitch"``, ``"end"``): how many, the first one, what is done."""
     still: dict[str, dict[str, float]] = field(default_factory=dict)
+    """For each signal the runs in which it reads one value throughout, with that value."""
     runs: int = 0
+    """Runs looked at."""
     rows: int = 0
+    """Rows looked at."""
     columns: dict[str, str] = field(default_factory=dict)
+    """Columns that look like a signal and cannot be read as one, with the reason."""
     seen: dict[str, str] = field(default_factory=dict)
+    """Name of each run by its mark."""
     repeated: list[tuple[str, str]] = field(default_factory=list)
+    """Runs that read the same as an earlier one, sample by sample."""
 
     def note(
         self, signal: str, kind: str, frame: pd.DataFrame, bad: np.ndarray, done: str, origin: pd.DataFrame

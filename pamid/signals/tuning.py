@@ -14,24 +14,16 @@ Gain = Callable[[np.ndarray, float], np.ndarray]
 
 
 class Spectrum(NamedTuple):
-    """Power of one signal over frequency, in bins.
-
-    Parameters
-    ----------
-    omega : ndarray, shape (n_bins,)
-        Frequency, rad per sample.
-    power : ndarray, shape (n_bins,)
-        Sum of squared coefficients in each bin, unit of the signal squared.
-    number : ndarray, shape (n_bins,)
-        Number of coefficients in each bin.
-    variance : float
-        Noise variance, unit of the signal squared.
-    """
+    """Power of one signal over frequency, in bins."""
 
     omega: np.ndarray
+    """Frequency, rad per sample. Shape (n_bins,)."""
     power: np.ndarray
+    """Sum of squared coefficients in each bin, unit of the signal squared. Shape (n_bins,)."""
     number: np.ndarray
+    """Number of coefficients in each bin, shape (n_bins,)."""
     variance: float
+    """Noise variance, unit of the signal squared."""
 
 
 def spectrum(y: np.ndarray, sigma: float | None = None, ends: int = 5) -> Spectrum:

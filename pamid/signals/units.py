@@ -14,17 +14,6 @@ _NORMAL_DENSITY = 1.2929
 class Unit(NamedTuple):
     """A unit: SI value = `factor` · value + `offset`.
 
-    Parameters
-    ----------
-    dimension : str
-        Physical dimension, such as ``"pressure"``.
-    factor : float
-        SI units in one of this unit.
-    offset : float
-        SI value of zero in this unit (°C only).
-    gauge : bool or None
-        Pressure units only: True for gauge (``barg``), False for absolute (``bara``), None where the unit is silent.
-
     Examples
     --------
     >>> from pamid.signals import UNITS
@@ -34,9 +23,13 @@ class Unit(NamedTuple):
     """
 
     dimension: str
+    """Physical dimension, such as ``"pressure"``."""
     factor: float
+    """SI units in one of this unit."""
     offset: float = 0.0
+    """SI value of zero in this unit (°C only)."""
     gauge: bool | None = None
+    """Pressure units only: True for gauge (``barg``), False for absolute (``bara``), None where the unit is silent."""
 
 
 SI_UNITS = {

@@ -14,21 +14,14 @@ _STEP, _CLOSE = 1e-3, 1e-4
 
 
 class ForcePerInput(NamedTuple):
-    """The drive of a joint, as a force.
-
-    Parameters
-    ----------
-    factor : float
-        Newtons or newton metres in a unit of the input.
-    unit : str
-        ``"N"`` or ``"N m"``.
-    mass : str
-        The mass parameter.
-    """
+    """The drive of a joint, as a force."""
 
     factor: float
+    """Newtons or newton metres in a unit of the input."""
     unit: str
+    """``"N"`` or ``"N m"``."""
     mass: str
+    """The mass parameter."""
 
 
 def force_per_input(

@@ -20,42 +20,29 @@ EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
 
 @dataclass(frozen=True)
 class Column:
-    """Content of a column's header.
-
-    Parameters
-    ----------
-    name : str
-        The header.
-    words : tuple of str
-        Words of its name, without role, quantity and unit.
-    commanded, measured, apart : bool
-        Whether it is marked as a command, a reading, or as an error or a setting, which is neither.
-    dimensions : frozenset of str
-        Dimensions that its unit or its words say; empty where they say none.
-    unit : str
-        Its unit as `pamid.signals.UNITS` names it; empty where it states none.
-    certain : bool
-        Whether the unit is unambiguous.
-    series, number : str, int
-        Its name with a mark for the last number in it, and that number; -1 where it has none.
-    symbols : frozenset of str
-        Dimensions that its letters often stand for.
-    leads : bool
-        Whether its samples lead those of another column, as a command leads its reading.
-    """
+    """Content of a column's header."""
 
     name: str
+    """The header."""
     words: tuple[str, ...]
+    """Words of its name, without role, quantity and unit."""
     commanded: bool
     measured: bool
     apart: bool
+    """Whether it is marked as a command, a reading, or as an error or a setting, which is neither."""
     dimensions: frozenset[str]
+    """Dimensions that its unit or its words say; empty where they say none."""
     unit: str
+    """Its unit as `pamid.signals.UNITS` names it; empty where it states none."""
     certain: bool
+    """Whether the unit is unambiguous."""
     series: str
     number: int
+    """Its name with a mark for the last number in it, and that number; -1 where it has none."""
     symbols: frozenset[str]
+    """Dimensions that its letters often stand for."""
     leads: bool = False
+    """Whether its samples lead those of another column, as a command leads its reading."""
 
     @property
     def dimension(self) -> str:
@@ -65,21 +52,14 @@ class Column:
 
 @dataclass(frozen=True)
 class Place:
-    """A port as it may appear in a log.
-
-    Parameters
-    ----------
-    port : Port
-        The port.
-    words : tuple of str
-        What it names, without role and quantity.
-    dimensions : frozenset of str
-        Dimensions that a column of it may have; empty where any may be.
-    """
+    """A port as it may appear in a log."""
 
     port: Port
+    """The port."""
     words: tuple[str, ...]
+    """What it names, without role and quantity."""
     dimensions: frozenset[str]
+    """Dimensions that a column of it may have; empty where any may be."""
 
     @property
     def commanded(self) -> bool:

@@ -27,30 +27,20 @@ Shares = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[Any, A
 
 
 class LinkEnd(NamedTuple):
-    """One of two ports.
-
-    Parameters
-    ----------
-    port : str
-        Its name.
-    state : str
-        The velocity or level whose rate changes.
-    across : str
-        The position or path of a joint, the level of a chamber.
-    through : str
-        The input that acts there, where a port names one.
-    unit : str
-        Unit of the across variable.
-    domain : str
-        ``"motion"``, ``"store"`` or ``"temperature"``.
-    """
+    """One of two ports."""
 
     port: str
+    """Its name."""
     state: str
+    """The velocity or level whose rate changes."""
     across: str
+    """The position or path of a joint, the level of a chamber."""
     through: str
+    """The input that acts there, where a port names one."""
     unit: str
+    """Unit of the across variable."""
     domain: str
+    """``"motion"``, ``"store"`` or ``"temperature"``."""
 
 
 @dataclass(frozen=True)
@@ -58,34 +48,24 @@ class Link:
     r"""Two ports between which effects act.
 
     Across them is :math:`\delta = x_1 - r x_2`; f, which acts on the first, acts as :math:`-r f` on the second.
-
-    Parameters
-    ----------
-    name : str
-        Both ends as one text.
-    first, second : LinkEnd
-        The ends.
-    ratio : float
-        r, in the units of the ports.
-    unit : str
-        Unit of f.
-    shares : callable or None
-        Change of each end's rate, see `Shares`; None where both ends have inputs that act on them.
-    stiffness, damping : float
-        Of the simulator's own coupling, f per difference of positions and of velocities; 0 where it has none.
-    typical : (float, float)
-        Typical change of the residual at each end by one unit of f: of a rate, or 1 where residuals are forces.
     """
 
     name: str
+    """Both ends as one text."""
     first: LinkEnd
     second: LinkEnd
+    """The ends."""
     ratio: float
+    """r, in the units of the ports."""
     unit: str
+    """Unit of f."""
     shares: Shares | None
+    """Change of each end's rate, see `Shares`; None where both ends have inputs that act on them."""
     stiffness: float = 0.0
     damping: float = 0.0
+    """Of the simulator's own coupling, f per difference of positions and of velocities; 0 where it has none."""
     typical: tuple[float, float] = (1.0, 1.0)
+    """Typical change of the residual at each end by one unit of f: of a rate, or 1 where residuals are forces."""
 
     @property
     def ends(self) -> tuple[LinkEnd, LinkEnd]:

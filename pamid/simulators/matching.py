@@ -50,25 +50,17 @@ _FAR = math.log(1.5)
 
 @dataclass(frozen=True)
 class Match:
-    """A column matched to a port.
-
-    Parameters
-    ----------
-    port, column : str
-        Their names.
-    unit : str
-        Unit of the column as `pamid.signals.UNITS` names it; empty where values are used as they are.
-    named : bool
-        Whether the column is named like the port: nothing is guessed.
-    why : str
-        Reason for a guessed column or unit.
-    """
+    """A column matched to a port."""
 
     port: str
     column: str
+    """Their names."""
     unit: str = ""
+    """Unit of the column as `pamid.signals.UNITS` names it; empty where values are used as they are."""
     named: bool = False
+    """Whether the column is named like the port: nothing is guessed."""
     why: str = ""
+    """Reason for a guessed column or unit."""
 
 
 def matches(

@@ -18,79 +18,52 @@ from .links import Link
 
 @dataclass(frozen=True)
 class Scales:
-    """Sizes that correspond to one in the units of the library's bounds and grids.
-
-    Parameters
-    ----------
-    position : float
-        Position that corresponds to a strain of one.
-    time : float
-        What a second of the log counts, s.
-    target : float
-        Size of one newton.
-    command : float
-        Size of a full command.
-    pressure : float
-        Size of one pascal.
-    offset : float
-        Pressure, Pa, that a gauge reading lacks.
-    ambient : float
-        Pressure of the surroundings, Pa; 0 where no gas is stored.
-    """
+    """Sizes that correspond to one in the units of the library's bounds and grids."""
 
     position: float = 1.0
+    """Position that corresponds to a strain of one."""
     time: float = 1.0
+    """What a second of the log counts, s."""
     target: float = 1.0
+    """Size of one newton."""
     command: float = 1.0
+    """Size of a full command."""
     pressure: float = 1.0
+    """Size of one pascal."""
     offset: float = 0.0
+    """Pressure, Pa, that a gauge reading lacks."""
     ambient: float = 0.0
+    """Pressure of the surroundings, Pa; 0 where no gas is stored."""
 
 
 @dataclass(frozen=True)
 class Placement:
-    """An effect at a port.
-
-    Parameters
-    ----------
-    key : str
-        Its name in a diagnosis: effect and port.
-    name : str
-        Name of the effect.
-    port : str
-        Name of the port: where it acts.
-    effect : class
-        The library's effect, its parameters within what a log can show.
-    enters : str
-        ``"input"``, ``"output"``, ``"state"`` (its rate), ``"parameter"`` or ``"link"``, see `at`.
-    at : str
-        The input, output, state or parameter that it changes; of a link the state of its first end.
-    follows : dict of str to str
-        The signal (state or input) behind each role of the effect.
-    scales : Scales
-        Its units.
-    powers : dict of str to int
-        Power of the signal's unit in each parameter, see `pamid.simulators.dimensions.powers`.
-    units : dict of str to str
-        Units of its parameters.
-    into : str
-        For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does.
-    link : Link, optional
-        For an effect between two ports, both: it follows their differences, and acts on both.
-    """
+    """An effect at a port."""
 
     key: str
+    """Its name in a diagnosis: effect and port."""
     name: str
+    """Name of the effect."""
     port: str
+    """Name of the port: where it acts."""
     effect: type[Effect]
+    """The library's effect, its parameters within what a log can show."""
     enters: str
+    """``"input"``, ``"output"``, ``"state"`` (its rate), ``"parameter"`` or ``"link"``, see `at`."""
     at: str
+    """The input, output, state or parameter that it changes; of a link the state of its first end."""
     follows: Mapping[str, str]
+    """The signal (state or input) behind each role of the effect."""
     scales: Scales
+    """Its units."""
     powers: Mapping[str, int] = field(default_factory=dict)
+    """Power of the signal's unit in each parameter, see `pamid.simulators.dimensions.powers`."""
     units: Mapping[str, str] = field(default_factory=dict)
+    """Units of its parameters."""
     into: str = ""
+    """For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does."""
     link: Link | None = None
+    """For an effect between two ports, both: it follows their differences, and acts on both."""
 
     # --- values ---------------------------------------------------------------------------------------------
     def factor(self, parameter: str) -> float:

@@ -23,33 +23,22 @@ _LEAST = 8
 
 @dataclass(frozen=True)
 class PortLog:
-    """Signals of a log under the names of ports.
-
-    Parameters
-    ----------
-    channels : dict of str to array, shape (n,)
-        What was measured, by port.
-    t : array, shape (n,)
-        Time within each run, s.
-    starts : array of int, shape (n_runs,)
-        First row of each run.
-    dt : float
-        Sampling interval, s.
-    names : list of str
-        Names of the runs.
-    gaps : dict of str to array of bool, shape (n,)
-        Rows in which a channel was not read, if any; they are filled by linear interpolation.
-    notes : list of str
-        Notes for the reader.
-    """
+    """Signals of a log under the names of ports."""
 
     channels: Mapping[str, np.ndarray]
+    """What was measured, by port. Shape (n,)."""
     t: np.ndarray
+    """Time within each run, s. Shape (n,)."""
     starts: np.ndarray
+    """First row of each run, shape (n_runs,)."""
     dt: float
+    """Sampling interval, s."""
     names: list[str]
+    """Names of the runs."""
     gaps: Mapping[str, np.ndarray] = field(default_factory=dict)
+    """Rows in which a channel was not read, if any; they are filled by linear interpolation. Shape (n,)."""
     notes: list[str] = field(default_factory=list)
+    """Notes for the reader."""
 
     @property
     def n(self) -> int:

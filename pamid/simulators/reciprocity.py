@@ -47,20 +47,14 @@ def factor_of(unit: str) -> float:
 
 
 class SomeInstants(NamedTuple):
-    """Where a simulator is asked.
-
-    Parameters
-    ----------
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Times, states, inputs.
-    step : array, shape (n_states,)
-        Step of each state.
-    """
+    """Where a simulator is asked."""
 
     t: np.ndarray
     x: np.ndarray
     u: np.ndarray
+    """Times, states, inputs. Shape (n,)."""
     step: np.ndarray
+    """Step of each state, shape (n_states,)."""
 
     @classmethod
     def of(cls, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> SomeInstants:

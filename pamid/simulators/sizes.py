@@ -14,49 +14,33 @@ _RUNS = 0.5, 100.0
 
 
 class SignalSizes(NamedTuple):
-    """Sizes of the signals of a log at the ports of a simulator.
-
-    Parameters
-    ----------
-    spans : dict of str to float
-        Range of each state, input and output.
-    tops : dict of str to float
-        Largest size of each state.
-    lows : dict of str to float
-        Smallest value of each state.
-    gaps : dict of str to float
-        Size of a relevant force or flow at a joint or state, in the unit of its rate.
-    readings : sequence of str
-        Outputs and states that sensors measured.
-    pushes : dict of (str, str) to float
-        Influence of an input on the rate of a state.
-    joints : list of JointPort
-        The joints.
-    run_length, interval : float
-        Typical length of a run and sampling interval, s.
-    feeds : dict of str to str
-        The state that a chamber feeds, by the chamber's own.
-    ends : dict of str to float
-        Where readings stand exactly at the end of a sensor's range, that end.
-    highs : dict of str to float
-        Largest value of each state, where that is not its smallest and its range.
-    links : sequence of Link
-        Pairs of ports between which effects can act, whose differences have ranges in `spans`.
-    """
+    """Sizes of the signals of a log at the ports of a simulator."""
 
     spans: Mapping[str, float]
+    """Range of each state, input and output."""
     tops: Mapping[str, float]
+    """Largest size of each state."""
     lows: Mapping[str, float]
+    """Smallest value of each state."""
     gaps: Mapping[str, float]
+    """Size of a relevant force or flow at a joint or state, in the unit of its rate."""
     readings: Sequence[str]
+    """Outputs and states that sensors measured."""
     pushes: Mapping[tuple[str, str], float]
+    """Influence of an input on the rate of a state."""
     joints: Sequence[JointPort]
+    """The joints."""
     run_length: float
     interval: float
+    """Typical length of a run and sampling interval, s."""
     feeds: Mapping[str, str] = MappingProxyType({})
+    """The state that a chamber feeds, by the chamber's own."""
     ends: Mapping[str, float] = MappingProxyType({})
+    """Where readings stand exactly at the end of a sensor's range, that end."""
     highs: Mapping[str, float] = MappingProxyType({})
+    """Largest value of each state, where that is not its smallest and its range."""
     links: Sequence[Link] = ()
+    """Pairs of ports between which effects can act, whose differences have ranges in `spans`."""
 
     @property
     def time(self) -> float:

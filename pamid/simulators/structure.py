@@ -16,25 +16,17 @@ _OWN = 0.98
 
 
 class JointPort(NamedTuple):
-    """A place where forces act.
-
-    Parameters
-    ----------
-    name : str
-        Its name: that of the joint port, else of the position, else of the velocity.
-    position, velocity : str
-        States; empty where there is none.
-    through : str
-        Input that forces there act like; empty where they add to the rate of the velocity.
-    unit : str
-        Unit of those forces.
-    """
+    """A place where forces act."""
 
     name: str
+    """Its name: that of the joint port, else of the position, else of the velocity."""
     position: str
     velocity: str
+    """States; empty where there is none."""
     through: str
+    """Input that forces there act like; empty where they add to the rate of the velocity."""
     unit: str
+    """Unit of those forces."""
 
 
 def kinematic_pairs(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:

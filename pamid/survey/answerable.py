@@ -57,48 +57,31 @@ class Answerable:
 
 
 class Facts(NamedTuple):
-    """What the rules look at.
-
-    Parameters
-    ----------
-    has : frozenset of str
-        Kinds of signals that the log has: ``F``, ``mdot``, ``u``, ``P``, ``position``.
-    coverage : Coverage
-        Excitation.
-    sampling : Sampling
-        Runs and clock.
-    """
+    """What the rules look at."""
 
     has: frozenset[str]
+    """Kinds of signals that the log has: ``F``, ``mdot``, ``u``, ``P``, ``position``."""
     coverage: Coverage
+    """Excitation."""
     sampling: Sampling
+    """Runs and clock."""
 
 
 class Rule(NamedTuple):
-    """One question: the signals that it needs, and a test on the excitation.
-
-    Parameters
-    ----------
-    question : str
-        See `Answerable`.
-    effects : str
-        Names in the library, separated by blanks.
-    kinds : str
-        Kinds of logs that it makes sense for, separated by blanks.
-    needs : str
-        Signals, separated by blanks.
-    test : callable
-        Takes facts; returns whether it holds (None: partly) and the figure that it looked at.
-    record : str or callable
-        What to record where it does not hold; a callable takes facts.
-    """
+    """One question: the signals that it needs, and a test on the excitation."""
 
     question: str
+    """See `Answerable`."""
     effects: str
+    """Names in the library, separated by blanks."""
     kinds: str
+    """Kinds of logs that it makes sense for, separated by blanks."""
     needs: str
+    """Signals, separated by blanks."""
     test: Callable[[Facts], tuple[bool | None, str]]
+    """Takes facts; returns whether it holds (None: partly) and the figure that it looked at."""
     record: str | Callable[[Facts], str]
+    """What to record where it does not hold; a callable takes facts."""
 
 
 def _both_ways(f: Facts) -> tuple[bool | None, str]:

@@ -158,21 +158,15 @@ def forward(run: pd.DataFrame, name: str) -> pd.DataFrame:
 
 
 class Smoothed(NamedTuple):
-    """A signal of one run, smoothed, with its rate.
-
-    Parameters
-    ----------
-    run : DataFrame
-        Its rows.
-    time, raw, value, rate : array, shape (n_samples,)
-        Time (s), the signal, the smoothed signal, its rate.
-    """
+    """A signal of one run, smoothed, with its rate."""
 
     run: pd.DataFrame
+    """Its rows."""
     time: np.ndarray
     raw: np.ndarray
     value: np.ndarray
     rate: np.ndarray
+    """Time (s), the signal, the smoothed signal, its rate. Shape (n_samples,)."""
 
 
 def smoothed(log: pd.DataFrame, name: str) -> list[Smoothed]:

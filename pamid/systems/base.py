@@ -138,17 +138,6 @@ class Quantity(NamedTuple):
 class Choice(NamedTuple):
     """A word of a system's page.
 
-    Parameters
-    ----------
-    name : str
-        Its name in the file.
-    options : tuple of str
-        What may stand there.
-    meaning : str
-        What it is.
-    default : str
-        Word where the user gives none.
-
     Examples
     --------
     >>> from pamid.systems.base import Choice
@@ -157,9 +146,13 @@ class Choice(NamedTuple):
     """
 
     name: str
+    """Its name in the file."""
     options: tuple[str, ...]
+    """What may stand there."""
     meaning: str
+    """What it is."""
     default: str
+    """Word where the user gives none."""
 
     def checked(self, value: Any, kind: str) -> str:
         """Return a word of the file; raise if it is none of the options."""

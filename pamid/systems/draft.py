@@ -39,51 +39,34 @@ def kinds() -> list[str]:
 
 @dataclass
 class Draft:
-    """What is known so far.
-
-    Parameters
-    ----------
-    paths : list of Path
-        The log files.
-    tables : list of RawTable
-        Their tables as they stand in the files, the one to describe columns by first.
-    kind : str
-        What the log is of; empty where that is not known yet.
-    guesses : list of Guess
-        What each column probably is.
-    settings : dict
-        Settings of the mapping beside its signals.
-    numbers : dict of str to float or str
-        Numbers of the simulator file that were given.
-    constants : dict of str to str
-        Constants of the mapping, such as ``rest_length``.
-    file_constants : dict of str to dict
-        Constants of the files that a pattern names.
-    ports : tuple of Input
-        Signals of equations of one's own, instead of those of a kind.
-    page : str
-        Their page.
-    runs_code : bool
-        Whether what the simulator file names runs code of its own, as an FMU does.
-    supposed : dict of str to str
-        What nobody has said of a signal's column or unit, and why it is taken so.
-    own_page : Path or None
-        The simulator file, where the user has one: none is written.
-    """
+    """What is known so far."""
 
     paths: list[Path]
+    """The log files."""
     tables: list[RawTable]
+    """Their tables as they stand in the files, the one to describe columns by first."""
     kind: str
+    """What the log is of; empty where that is not known yet."""
     guesses: list[Guess]
+    """What each column probably is."""
     settings: dict[str, Any] = field(default_factory=dict)
+    """Settings of the mapping beside its signals."""
     numbers: dict[str, Any] = field(default_factory=dict)
+    """Numbers of the simulator file that were given."""
     constants: dict[str, str] = field(default_factory=dict)
+    """Constants of the mapping, such as ``rest_length``."""
     file_constants: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Constants of the files that a pattern names."""
     ports: tuple[Input, ...] = ()
+    """Signals of equations of one's own, instead of those of a kind."""
     page: str = ""
+    """Their page."""
     runs_code: bool = False
+    """Whether what the simulator file names runs code of its own, as an FMU does."""
     supposed: dict[str, str] = field(default_factory=dict)
+    """What nobody has said of a signal's column or unit, and why it is taken so."""
     own_page: Path | None = None
+    """The simulator file, where the user has one: none is written."""
 
     @property
     def table(self) -> RawTable:

@@ -85,25 +85,18 @@ class Tape:
     """What a forward pass leaves behind for the adjoints.
 
     Value and derivative lie in one tensor, so that a product with a weight matrix serves both.
-
-    Parameters
-    ----------
-    y : Tensor, shape (n_samples,)
-        Prediction a V + ∂_d V.
-    pairs : list of Tensor, shape (2, n_samples, n_in)
-        Input h of each layer, and its derivative ḣ along the direction.
-    slope, bend : list of Tensor, shape (n_samples, n_out)
-        σ'(z), and σ''(z)·ż, of each hidden layer.
-    a : Tensor, shape (n_samples,), or None
-        Factor of the value in the prediction; None if the law reads the derivative alone. The last h is then left
-        out, since nothing depends on it.
     """
 
     y: Tensor
+    """Prediction a V + ∂_d V, shape (n_samples,)."""
     pairs: list[Tensor]
+    """Input h of each layer, and its derivative ḣ along the direction. Shape (2, n_samples, n_in)."""
     slope: list[Tensor]
     bend: list[Tensor]
+    """σ'(z), and σ''(z)·ż, of each hidden layer. Shape (n_samples, n_out)."""
     a: Tensor | None
+    """Factor of the value in the prediction; None if the law reads the derivative alone. The last h is then left out,
+    since nothing depends on it. Shape (n_samples,)."""
 
 
 def forward(parameters: Parameters, x: Tensor, direction: Tensor, a: Tensor | None, activation: str) -> Tape:

@@ -10,15 +10,6 @@ from dataclasses import dataclass
 class TrainingUnits:
     """Fixed units of a training.
 
-    Parameters
-    ----------
-    inputs : tuple of float
-        What one of each input is: contraction, its rate (1/s), pressure (Pa, absolute), its rate (Pa/s).
-    targets : mapping of str to float
-        What one of the target is, by equation, such as kg/s of ``"flow"``.
-    volume : float
-        What one of the network's output is, m³.
-
     Examples
     --------
     >>> from pamid.training.units import TrainingUnits
@@ -27,5 +18,8 @@ class TrainingUnits:
     """
 
     inputs: tuple[float, ...]
+    """What one of each input is: contraction, its rate (1/s), pressure (Pa, absolute), its rate (Pa/s)."""
     targets: Mapping[str, float]
+    """What one of the target is, by equation, such as kg/s of ``"flow"``."""
     volume: float
+    """What one of the network's output is, m³."""

@@ -27,27 +27,6 @@ LEAST_PRESSURE = 1e3
 class Limits:
     """What the bench allows.
 
-    Parameters
-    ----------
-    seconds : float, default=4
-        Time of all runs together, s.
-    runs : int, default=1
-        Maximum number of runs, 1 to 5.
-    angle : float, default=25
-        Largest wanted angle, degrees to either side.
-    rate : float, default=200
-        Largest rate of the wanted angle, degrees/s.
-    frequency : float, default=15
-        Largest frequency, rad/s.
-    pressure : float, default=8e4
-        How far the mean pressure of both muscles may be from its usual value, Pa.
-    rise : float, default=1.2e5
-        How far both pressures may rise and fall together, Pa.
-    shut : bool, default=True
-        Whether the valves may be shut.
-    single : bool, default=True
-        Whether one muscle may be kept at constant pressure while the other one moves the joint.
-
     Raises
     ------
     ParameterError
@@ -61,14 +40,23 @@ class Limits:
     """
 
     seconds: float = 4.0
+    """Time of all runs together, s."""
     runs: int = 1
+    """Maximum number of runs, 1 to 5."""
     angle: float = 25.0
+    """Largest wanted angle, degrees to either side."""
     rate: float = 200.0
+    """Largest rate of the wanted angle, degrees/s."""
     frequency: float = 15.0
+    """Largest frequency, rad/s."""
     pressure: float = 8e4
+    """How far the mean pressure of both muscles may be from its usual value, Pa."""
     rise: float = 1.2e5
+    """How far both pressures may rise and fall together, Pa."""
     shut: bool = True
+    """Whether the valves may be shut."""
     single: bool = True
+    """Whether one muscle may be kept at constant pressure while the other one moves the joint."""
     options: ClassVar[str] = "--angle, --pressure, --rise"
     """Options of the command line that widen them."""
     header: ClassVar[str] = "Runs for 'pamid simulate --runs': seconds, rad/s, degrees, Pa."
@@ -111,31 +99,6 @@ class Limits:
 class DesignedRun:
     """One run of the family.
 
-    Parameters
-    ----------
-    kind : str
-        Of `KINDS`.
-    seconds : float
-        Length, s.
-    frequency : float, default=4
-        rad/s; the lowest of a multisine, half the turns of steps.
-    amplitude : float, default=10
-        Of the motion, degrees.
-    offset : float, default=0
-        Angle about which it moves, degrees.
-    pressure : float, default=0
-        Added to the mean pressure of both muscles, Pa.
-    rise : float, default=0
-        Of an isometric run, how far both pressures rise and fall, Pa.
-    muscle : int, default=1
-        Of an isobaric run, the muscle at constant pressure.
-    shut : float, default=0.4
-        Of a sealed run, when the valves shut, as a share of its length.
-    seed : int, default=0
-        Of a multisine, the seed of its phases.
-    rate : float, default=200
-        Largest rate of the wanted angle, degrees/s, which rounds steps.
-
     Examples
     --------
     >>> from pamid.gap.design.family import DesignedRun
@@ -145,16 +108,27 @@ class DesignedRun:
     """
 
     kind: str
+    """Of `KINDS`."""
     seconds: float
+    """Length, s."""
     frequency: float = 4.0
+    """rad/s; the lowest of a multisine, half the turns of steps."""
     amplitude: float = 10.0
+    """Of the motion, degrees."""
     offset: float = 0.0
+    """Angle about which it moves, degrees."""
     pressure: float = 0.0
+    """Added to the mean pressure of both muscles, Pa."""
     rise: float = 0.0
+    """Of an isometric run, how far both pressures rise and fall, Pa."""
     muscle: int = 1
+    """Of an isobaric run, the muscle at constant pressure."""
     shut: float = 0.4
+    """Of a sealed run, when the valves shut, as a share of its length."""
     seed: int = 0
+    """Of a multisine, the seed of its phases."""
     rate: float = 200.0
+    """Largest rate of the wanted angle, degrees/s, which rounds steps."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:

@@ -23,43 +23,29 @@ LOST = 2.0
 
 
 class Draw(NamedTuple):
-    """A draw from an explanation's posterior, beside its best fit.
-
-    Parameters
-    ----------
-    fit : Fit
-        Its effects and deviations of the tolerances.
-    lost : float
-        Its loss in the earlier logs, in nats.
-    """
+    """A draw from an explanation's posterior, beside its best fit."""
 
     fit: Fit
+    """Its effects and deviations of the tolerances."""
     lost: float
+    """Its loss in the earlier logs, in nats."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """An explanation with the posterior of its parameters from the earlier logs.
-
-    Parameters
-    ----------
-    fit : Fit
-        Its effects and deviations of the tolerances.
-    precision : array, shape (n_free + n_parameters, n_free + n_parameters)
-        Posterior precision of the tolerances and its effects' parameters.
-    belief : float
-        Probability.
-    windows : int, default=0
-        Windows of the earlier logs.
-    draws : sequence of Draw, default=()
-        What could be true instead: draws of its parameters and deviations that the earlier logs allow.
-    """
+    """An explanation with the posterior of its parameters from the earlier logs."""
 
     fit: Fit
+    """Its effects and deviations of the tolerances."""
     precision: np.ndarray
+    """Posterior precision of the tolerances and its effects' parameters, shape (n_free + n_parameters, n_free +
+    n_parameters)."""
     belief: float
+    """Probability."""
     windows: int = 0
+    """Windows of the earlier logs."""
     draws: Sequence[Draw] = ()
+    """What could be true instead: draws of its parameters and deviations that the earlier logs allow."""
     slots: Sequence[tuple[str, Parameter]] = ()
     """The parameters of its effects, in order."""
 

@@ -21,21 +21,6 @@ TELLS = 3.0
 class Expected:
     """What is expected for two explanations, the first one true.
 
-    Parameters
-    ----------
-    truth, rival : tuple of str
-        Their effects.
-    nats : float
-        Expected difference in log-likelihood, the rival refitted.
-    low, high : float
-        80 % interval, from the noise of one recording and the uncertainty of the parameters.
-    belief : float
-        Expected belief in the first one after the run, of these two.
-    equation : str
-        Where the rival's error is largest.
-    size : float
-        Root mean square of that, the rival refitted, in units of the noise.
-
     Examples
     --------
     >>> from pamid.gap.design.plan import Expected
@@ -45,60 +30,23 @@ class Expected:
 
     truth: tuple[str, ...]
     rival: tuple[str, ...]
+    """Their effects."""
     nats: float
+    """Expected difference in log-likelihood, the rival refitted."""
     low: float
     high: float
+    """80 % interval, from the noise of one recording and the uncertainty of the parameters."""
     belief: float
+    """Expected belief in the first one after the run, of these two."""
     equation: str
+    """Where the rival's error is largest."""
     size: float
+    """Root mean square of that, the rival refitted, in units of the noise."""
 
 
 @dataclass(frozen=True)
 class Plan:
     """What to record next.
-
-    Parameters
-    ----------
-    purpose : str
-        ``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"unseen"``, where no
-        effect is left, to show those that would not have shown; ``"none"``, where there is nothing to ask.
-    runs : list of DesignedRun or PortRun
-        The runs; empty where none would help.
-    limits : Limits or PortLimits
-        What the rig allows.
-    explanations : list of tuple of str
-        What is undecided, the likeliest first.
-    beliefs : list of float
-        Their probabilities today.
-    expected : list of Expected
-        Each pair of explanations, either one true.
-    clarity : float
-        What the runs were chosen by, in nats: the information that they are expected to give on which explanation is
-        true, at most the entropy of the beliefs; on each effect that would not have shown; for parameters, half the
-        gain in the logarithm of the determinant of their precision.
-    tells : bool
-        Whether the runs would distinguish the explanations.
-    alike : list of (tuple of str, tuple of str)
-        Pairs that no run within the limits distinguishes.
-    needed : float
-        Seconds that such runs would have to last to distinguish them; NaN where they would not.
-    shrinks : dict of str to float
-        For parameters, how much narrower their intervals become, as a factor.
-    designs : int
-        Designs that were evaluated.
-    usual : float
-        Information of a run drawn at random, in nats: the median over those of the whole family. Where it is close to
-        `clarity`, no design is much better than any other run.
-    right, right_usual : float
-        Probability that the explanation that is true comes out first: after these runs, and after one drawn at random,
-        in the median; NaN where nothing is to be discriminated.
-    closest : list of DesignedRun or PortRun
-        Where no run would distinguish them, those that come closest.
-    rig : dict of str to float
-        Numbers of the rig that are to be changed for the runs; empty where it stays as it is.
-    changed : dict of str to float
-        Information of the best runs after each change of the rig, in nats, by change: those that are allowed or, where
-        no run distinguishes, some that are proposed.
 
     Examples
     --------
@@ -109,23 +57,46 @@ class Plan:
     """
 
     purpose: str
+    """``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"unseen"``, where no
+    effect is left, to show those that would not have shown; ``"none"``, where there is nothing to ask."""
     runs: list[Any]
+    """The runs; empty where none would help."""
     limits: AnyLimits
+    """What the rig allows."""
     explanations: list[tuple[str, ...]]
+    """What is undecided, the likeliest first."""
     beliefs: list[float]
+    """Their probabilities today."""
     expected: list[Expected]
+    """Each pair of explanations, either one true."""
     clarity: float
+    """What the runs were chosen by, in nats: the information that they are expected to give on which explanation is
+    true, at most the entropy of the beliefs; on each effect that would not have shown; for parameters, half the
+    gain in the logarithm of the determinant of their precision."""
     tells: bool
+    """Whether the runs would distinguish the explanations."""
     alike: list[tuple[tuple[str, ...], tuple[str, ...]]] = field(default_factory=list)
+    """Pairs that no run within the limits distinguishes."""
     needed: float = float("nan")
+    """Seconds that such runs would have to last to distinguish them; NaN where they would not."""
     shrinks: dict[str, float] = field(default_factory=dict)
+    """For parameters, how much narrower their intervals become, as a factor."""
     designs: int = 0
+    """Designs that were evaluated."""
     usual: float = 0.0
+    """Information of a run drawn at random, in nats: the median over those of the whole family. Where it is close to
+    `clarity`, no design is much better than any other run."""
     right: float = float("nan")
     right_usual: float = float("nan")
+    """Probability that the explanation that is true comes out first: after these runs, and after one drawn at random,
+    in the median; NaN where nothing is to be discriminated."""
     closest: list[Any] = field(default_factory=list)
+    """Where no run would distinguish them, those that come closest."""
     rig: dict[str, float] = field(default_factory=dict)
+    """Numbers of the rig that are to be changed for the runs; empty where it stays as it is."""
     changed: dict[str, float] = field(default_factory=dict)
+    """Information of the best runs after each change of the rig, in nats, by change: those that are allowed or, where
+    no run distinguishes, some that are proposed."""
 
     @property
     def names(self) -> list[str]:

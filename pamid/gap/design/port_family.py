@@ -28,27 +28,6 @@ STILL = 0.3
 class PortLimits:
     """What the inputs of a rig allow.
 
-    Parameters
-    ----------
-    ranges : dict of str to (float, float)
-        Lowest and highest value of each input, in its unit.
-    rates : dict of str to float
-        Largest rate of each input, per second.
-    interval : float
-        Sampling interval, s.
-    seconds : float, default=10
-        Time of all runs together, s.
-    runs : int, default=1
-        Maximum number of runs, 1 to 5.
-    fastest : float, optional
-        Largest frequency, rad/s; by default that of a period of 20 samples.
-    columns : dict of str to str
-        Column of each input in a log, where it is not its name.
-    keeps : dict of str to (float, float)
-        Range in which readings are to stay, where that is not what the logs have visited and as much again.
-    held : dict of str to float
-        Inputs that are held at a value.
-
     Raises
     ------
     ParameterError
@@ -62,14 +41,23 @@ class PortLimits:
     """
 
     ranges: Mapping[str, tuple[float, float]]
+    """Lowest and highest value of each input, in its unit."""
     rates: Mapping[str, float]
+    """Largest rate of each input, per second."""
     interval: float
+    """Sampling interval, s."""
     seconds: float = 10.0
+    """Time of all runs together, s."""
     runs: int = 1
+    """Maximum number of runs, 1 to 5."""
     fastest: float = 0.0
+    """Largest frequency, rad/s; by default that of a period of 20 samples."""
     columns: Mapping[str, str] = field(default_factory=dict)
+    """Column of each input in a log, where it is not its name."""
     keeps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    """Range in which readings are to stay, where that is not what the logs have visited and as much again."""
     held: Mapping[str, float] = field(default_factory=dict)
+    """Inputs that are held at a value."""
     options: ClassVar[str] = "--limit, --rate, --keep, --seconds"
     """Options of the command line that widen them."""
     header: ClassVar[str] = "Runs: seconds, rad/s and the units of the inputs; set_points.csv has them row by row."
@@ -120,25 +108,17 @@ class PortLimits:
 
 @dataclass(frozen=True)
 class Wave:
-    """What one input does.
-
-    Parameters
-    ----------
-    kind : str
-        Of `KINDS`.
-    middle, amplitude : float
-        About which value, and how far, in the unit of the input.
-    frequency : float
-        rad/s; of a multisine the lowest, of a chirp the first.
-    seed : int
-        Of a multisine, the seed of its phases.
-    """
+    """What one input does."""
 
     kind: str
+    """Of `KINDS`."""
     middle: float
     amplitude: float = 0.0
+    """About which value, and how far, in the unit of the input."""
     frequency: float = 1.0
+    """rad/s; of a multisine the lowest, of a chirp the first."""
     seed: int = 0
+    """Of a multisine, the seed of its phases."""
 
     def values(self, t: np.ndarray, rate: float) -> np.ndarray:
         """Return the input at times, no faster than a rate."""
@@ -173,24 +153,16 @@ class Wave:
 
 @dataclass(frozen=True)
 class PortRun:
-    """One run of the family.
-
-    Parameters
-    ----------
-    kind : str
-        What most inputs do.
-    seconds : float
-        Length, s.
-    inputs : dict of str to Wave
-        What each input does.
-    limits : PortLimits
-        What the rig allows.
-    """
+    """One run of the family."""
 
     kind: str
+    """What most inputs do."""
     seconds: float
+    """Length, s."""
     inputs: Mapping[str, Wave]
+    """What each input does."""
     limits: PortLimits = field(repr=False)
+    """What the rig allows."""
 
     @property
     def time(self) -> np.ndarray:

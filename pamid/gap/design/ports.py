@@ -37,27 +37,18 @@ ROOM = 1.0
 
 @dataclass(frozen=True)
 class PortRig:
-    """A simulator with ports, for a design; a `pamid.gap.design.rig.Rig`.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator.
-    logs : sequence of PortEvidence
-        The logs of its present state.
-    limits : PortLimits
-        What its inputs allow.
-    numbers : mapping of str to float
-        Parameters that are changed for the runs.
-    noise : mapping of str to float
-        Noise of each equation over that of the readings, see `noise_of`.
-    """
+    """A simulator with ports, for a design; a `pamid.gap.design.rig.Rig`."""
 
     simulator: Simulator
+    """The simulator."""
     logs: Sequence[PortEvidence]
+    """The logs of its present state."""
     limits: PortLimits
+    """What its inputs allow."""
     numbers: Mapping[str, float]
+    """Parameters that are changed for the runs."""
     noise: Mapping[str, float]
+    """Noise of each equation over that of the readings, see `noise_of`."""
 
     @property
     def kinds(self) -> Sequence[str]:

@@ -54,24 +54,16 @@ Z80 = 1.2816
 
 
 class Bench(NamedTuple):
-    """The bench, for a design; a `pamid.gap.design.rig.Rig`.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        The simulator.
-    logs : sequence of Evidence
-        The logs of its present state.
-    limits : Limits
-        What it allows.
-    controller : Controller or None
-        What moves it; the simulator's own controller by default.
-    """
+    """The bench, for a design; a `pamid.gap.design.rig.Rig`."""
 
     params: BenchParameters
+    """The simulator."""
     logs: Sequence[Evidence]
+    """The logs of its present state."""
     limits: Limits
+    """What it allows."""
     controller: Controller | None = None
+    """What moves it; the simulator's own controller by default."""
 
     @property
     def kinds(self) -> Sequence[str]:

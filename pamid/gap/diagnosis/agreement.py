@@ -34,27 +34,18 @@ OCTAVES = 5
 
 
 class Agreement(NamedTuple):
-    """How well parts of a log agree on the size of an effect.
-
-    Parameters
-    ----------
-    q : float
-        Cochran's Q.
-    i2 : float
-        Share of it beyond chance, I².
-    spread : float
-        Spread τ of the factors beyond chance.
-    least : float
-        The same with Q compared with the 95 % quantile of chance: parts with little information disagree by chance.
-    half : float
-        Half of the 90 % interval of the factor by the jackknife over the parts; 1 and more: the effect may be zero.
-    """
+    """How well parts of a log agree on the size of an effect."""
 
     q: float
+    """Cochran's Q."""
     i2: float
+    """Share of it beyond chance, I²."""
     spread: float
+    """Spread τ of the factors beyond chance."""
     least: float
+    """The same with Q compared with the 95 % quantile of chance: parts with little information disagree by chance."""
     half: float
+    """Half of the 90 % interval of the factor by the jackknife over the parts; 1 and more: the effect may be zero."""
 
 
 def agreement(information: np.ndarray, score: np.ndarray) -> Agreement:

@@ -17,37 +17,25 @@ from .open_set import Trust, trust
 
 @dataclass
 class Verdict:
-    """The decision after the competition of hypotheses.
-
-    Parameters
-    ----------
-    kind : str
-        One of `pamid.gap.diagnosis.result.VERDICTS`, or ``"family"``: what closes the gap acts like effects of the
-        library, but none of them is established.
-    p_value : float
-        Probability of the evidence without a gap.
-    outcome : Outcome
-        The hypotheses.
-    excess : list of Excess
-        The excess of each equation's residual over its noise, before.
-    trust : dict of str to Trust
-        Evidence for each name of the best set, whether reported or not; empty where there is none.
-    classes : dict of str to tuple of str
-        For each cause the names that cannot be distinguished from it, itself first.
-    weights : dict of str to dict of str to float
-        For each cause the share of belief of each alternative.
-    part_of : dict of str to float
-        For each cause its share of the joint gain.
-    """
+    """The decision after the competition of hypotheses."""
 
     kind: str
+    """One of `pamid.gap.diagnosis.result.VERDICTS`, or ``"family"``: what closes the gap acts like effects of the
+    library, but none of them is established."""
     p_value: float
+    """Probability of the evidence without a gap."""
     outcome: Outcome
+    """The hypotheses."""
     excess: list[Excess]
+    """The excess of each equation's residual over its noise, before."""
     trust: dict[str, Trust] = field(default_factory=dict)
+    """Evidence for each name of the best set, whether reported or not; empty where there is none."""
     classes: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """For each cause the names that cannot be distinguished from it, itself first."""
     weights: dict[str, dict[str, float]] = field(default_factory=dict)
+    """For each cause the share of belief of each alternative."""
     part_of: dict[str, float] = field(default_factory=dict)
+    """For each cause its share of the joint gain."""
 
     @property
     def named(self) -> bool:

@@ -323,15 +323,6 @@ class NextExperiment:
 class HypothesisFinding:
     """A set of effects that was fitted to the whole of a log, and what speaks for it.
 
-    Parameters
-    ----------
-    effects : tuple of str
-        The effects.
-    gain : float
-        Logarithm of its evidence over that of no effect.
-    log_likelihood : float
-        Gain in log-likelihood alone, its forms taken as exact and its parameters as free.
-
     Examples
     --------
     >>> from pamid.gap.diagnosis.findings import HypothesisFinding
@@ -340,5 +331,8 @@ class HypothesisFinding:
     """
 
     effects: tuple[str, ...]
+    """The effects."""
     gain: float
+    """Logarithm of its evidence over that of no effect."""
     log_likelihood: float
+    """Gain in log-likelihood alone, its forms taken as exact and its parameters as free."""

@@ -36,18 +36,12 @@ from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
 @dataclass(frozen=True)
 class Trust:
-    """Evidence that a name is right.
-
-    Parameters
-    ----------
-    probability : float
-        Probability that it is.
-    signs : dict of str to float
-        Its signs, see `signs_of`.
-    """
+    """Evidence that a name is right."""
 
     probability: float
+    """Probability that it is."""
     signs: dict[str, float]
+    """Its signs, see `signs_of`."""
 
     @property
     def named(self) -> bool:

@@ -23,17 +23,6 @@ LEAST_RIVALS = 3
 class Rival:
     """One explanation of a log, refitted.
 
-    Parameters
-    ----------
-    effects : dict of str to dict of str to float
-        Its effects with their values; empty for a simulator that needs none.
-    deviations : dict of str to float
-        How far the parameters with a tolerance were refitted with it, in tolerances.
-    score : float
-        Logarithm of its evidence.
-    belief : float
-        Probability among the explanations that are kept.
-
     Examples
     --------
     >>> from pamid.gap.diagnosis.rivals import Rival
@@ -42,9 +31,13 @@ class Rival:
     """
 
     effects: Mapping[str, Mapping[str, float]]
+    """Its effects with their values; empty for a simulator that needs none."""
     deviations: Mapping[str, float]
+    """How far the parameters with a tolerance were refitted with it, in tolerances."""
     score: float
+    """Logarithm of its evidence."""
     belief: float
+    """Probability among the explanations that are kept."""
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -27,16 +27,11 @@ BROYDEN = 3.0
 
 
 class Prior(NamedTuple):
-    """Gaussian prior of numbers; flat at zero precision.
-
-    Parameters
-    ----------
-    centre, precision : array, shape (n,)
-        Mean, and one over the variance.
-    """
+    """Gaussian prior of numbers; flat at zero precision."""
 
     centre: np.ndarray
     precision: np.ndarray
+    """Mean, and one over the variance. Shape (n,)."""
 
     @classmethod
     def none(cls, n: int) -> Prior:
@@ -49,20 +44,14 @@ class Prior(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Where numbers may be, and how far one step may take them.
-
-    Parameters
-    ----------
-    lower, upper : array, shape (n,)
-        Least and largest values.
-    back, on : array, shape (n,)
-        Largest steps down and up, as positive numbers.
-    """
+    """Where numbers may be, and how far one step may take them."""
 
     lower: np.ndarray
     upper: np.ndarray
+    """Least and largest values, shape (n,)."""
     back: np.ndarray
     on: np.ndarray
+    """Largest steps down and up, as positive numbers. Shape (n,)."""
 
     @classmethod
     def of(cls, lower: np.ndarray, upper: np.ndarray) -> Bounds:

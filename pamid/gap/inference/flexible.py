@@ -28,24 +28,17 @@ _RIDGES = (0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 
 @dataclass(frozen=True)
 class Remainder:
-    """What a flexible function predicts of one equation's residual on unseen runs.
-
-    Parameters
-    ----------
-    equation : str
-        The equation.
-    predicted : array, shape (n_windows_of_equation,)
-        Its prediction of each window, from the other runs, in the units of the residual.
-    share : float
-        Share of the residual's mean square that it predicts, at least 0.
-    gain : float
-        Gain in log-likelihood on the runs held out.
-    """
+    """What a flexible function predicts of one equation's residual on unseen runs."""
 
     equation: str
+    """The equation."""
     predicted: np.ndarray
+    """Its prediction of each window, from the other runs, in the units of the residual. Shape
+    (n_windows_of_equation,)."""
     share: float
+    """Share of the residual's mean square that it predicts, at least 0."""
     gain: float
+    """Gain in log-likelihood on the runs held out."""
 
 
 class Flexible:

@@ -26,21 +26,14 @@ ALIKE = 0.05
 
 
 class Learned(NamedTuple):
-    """What is left of a residual on held-out runs by the best of several learners.
-
-    Parameters
-    ----------
-    rms : float
-        Its root mean square, in the target's unit.
-    left : array, shape (n_windows,)
-        What is left at each window.
-    share : float
-        Share of the gap beyond the noise that could be predicted.
-    """
+    """What is left of a residual on held-out runs by the best of several learners."""
 
     rms: float
+    """Its root mean square, in the target's unit."""
     left: np.ndarray
+    """What is left at each window, shape (n_windows,)."""
     share: float
+    """Share of the gap beyond the noise that could be predicted."""
 
 
 def measured_noise(evidence: SignalEvidence) -> float:

@@ -16,33 +16,22 @@ from .subsets import Subset, Subsets
 
 @dataclass
 class Hypothesis:
-    """A set of effects, refitted, with its evidence.
-
-    Parameters
-    ----------
-    fit : Fit
-        Tolerances and effects refitted.
-    score : float
-        Logarithm of its evidence: the likelihood with model discrepancy, less the price of its parameters.
-    plain : float
-        The likelihood with the forms as they are.
-    left : array, shape (n_equations,)
-        Scale of what is left, in units of noise and discrepancy; may be less than 1.
-    z : array, shape (n_windows,)
-        What is left, in the same units.
-    weights : array, shape (n_windows,)
-        Weight of each window at the fit.
-    own : list of float or None
-        How large each of several effects is beside what the others leave open; None until computed.
-    """
+    """A set of effects, refitted, with its evidence."""
 
     fit: Fit
+    """Tolerances and effects refitted."""
     score: float
+    """Logarithm of its evidence: the likelihood with model discrepancy, less the price of its parameters."""
     plain: float
+    """The likelihood with the forms as they are."""
     left: np.ndarray
+    """Scale of what is left, in units of noise and discrepancy; may be less than 1. Shape (n_equations,)."""
     z: np.ndarray
+    """What is left, in the same units. Shape (n_windows,)."""
     weights: np.ndarray
+    """Weight of each window at the fit, shape (n_windows,)."""
     own: list[float] | None = None
+    """How large each of several effects is beside what the others leave open; None until computed."""
 
     @property
     def names(self) -> frozenset[str]:
@@ -51,61 +40,40 @@ class Hypothesis:
 
 
 class Single(NamedTuple):
-    """An effect by itself.
-
-    Parameters
-    ----------
-    gain : float
-        Gain in log-likelihood less the effect's price; to first order where it was not refitted.
-    closed : float
-        Share of the excess over the noise, of all equations together, that it closes; to first order where it was not
-        refitted.
-    """
+    """An effect by itself."""
 
     gain: float
+    """Gain in log-likelihood less the effect's price; to first order where it was not refitted."""
     closed: float
+    """Share of the excess over the noise, of all equations together, that it closes; to first order where it was not
+    refitted."""
 
 
 @dataclass
 class Outcome:
-    """The outcome of the competition.
-
-    Parameters
-    ----------
-    base, best : Hypothesis
-        No effect, and the set with the highest score.
-    singles : dict of str to Single
-        What each effect explains by itself.
-    alternatives : dict of str to list of Hypothesis
-        For each effect of the best set the same set with another effect in its place, itself among them, the highest
-        score first.
-    refitted : list of Hypothesis
-        All sets that were refitted, the highest score first.
-    """
+    """The outcome of the competition."""
 
     base: Hypothesis
     best: Hypothesis
+    """No effect, and the set with the highest score."""
     singles: dict[str, Single]
+    """What each effect explains by itself."""
     alternatives: dict[str, list[Hypothesis]] = field(default_factory=dict)
+    """For each effect of the best set the same set with another effect in its place, itself among them, the highest
+    score first."""
     refitted: list[Hypothesis] = field(default_factory=list)
+    """All sets that were refitted, the highest score first."""
 
 
 class Screen(NamedTuple):
-    """The library to first order.
-
-    Parameters
-    ----------
-    about : Subsets or None
-        Its sets about no effect; None where nothing of it changes the residuals.
-    singles : dict of str to Single
-        What each effect explains by itself.
-    contenders : list of Subset
-        The sets that are worth an exact refit, small ones first.
-    """
+    """The library to first order."""
 
     about: Subsets | None
+    """Its sets about no effect; None where nothing of it changes the residuals."""
     singles: dict[str, Single]
+    """What each effect explains by itself."""
     contenders: list[Subset]
+    """The sets that are worth an exact refit, small ones first."""
 
 
 def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:

@@ -21,21 +21,14 @@ less is of second order: a change that makes residuals and their noise smaller, 
 
 
 class Significance(NamedTuple):
-    """The test of no gap.
-
-    Parameters
-    ----------
-    observed : float
-        The largest score of the library, a gain in log-likelihood less its penalty.
-    p_value : float
-        Probability of as large a score without a gap.
-    threshold : float
-        Score that noise alone exceeds in one of a hundred logs.
-    """
+    """The test of no gap."""
 
     observed: float
+    """The largest score of the library, a gain in log-likelihood less its penalty."""
     p_value: float
+    """Probability of as large a score without a gap."""
     threshold: float
+    """Score that noise alone exceeds in one of a hundred logs."""
 
 
 def library_test(
@@ -116,18 +109,12 @@ def _signs(evidence: ResidualSource, random_state: np.random.RandomState) -> np.
 
 
 class Excess(NamedTuple):
-    """How far an equation's residual is above its noise.
-
-    Parameters
-    ----------
-    scale : float
-        Robust scale of the residual in units of the noise.
-    p_value : float
-        Probability of as much if the noise is known to `NOISE_KNOWN`.
-    """
+    """How far an equation's residual is above its noise."""
 
     scale: float
+    """Robust scale of the residual in units of the noise."""
     p_value: float
+    """Probability of as much if the noise is known to `NOISE_KNOWN`."""
 
 
 def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) -> Excess:

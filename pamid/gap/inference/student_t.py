@@ -27,24 +27,16 @@ GAUSSIAN = 0.8563
 
 
 class RobustFit(NamedTuple):
-    """A robust fit.
-
-    Parameters
-    ----------
-    loglik : float
-        The logarithm of the likelihood.
-    x : array, shape (n_columns,)
-        Coefficients of the columns.
-    z : array, shape (n_windows,)
-        What is left, in units of the noise.
-    scales : array, shape (n_equations,)
-        Scale of each equation, at least 1.
-    """
+    """A robust fit."""
 
     loglik: float
+    """The logarithm of the likelihood."""
     x: np.ndarray
+    """Coefficients of the columns, shape (n_columns,)."""
     z: np.ndarray
+    """What is left, in units of the noise. Shape (n_windows,)."""
     scales: np.ndarray
+    """Scale of each equation, at least 1. Shape (n_equations,)."""
 
 
 def scale(z: np.ndarray, least: float = 1.0, start: float | None = None) -> float:

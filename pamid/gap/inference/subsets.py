@@ -34,30 +34,20 @@ ROUNDS = 4
 
 @dataclass(frozen=True)
 class Subset:
-    """A set of effects at grid points, fitted to first order.
-
-    Parameters
-    ----------
-    templates : tuple of int
-        Places of its templates in the library.
-    x : array, shape (n_fixed + n_columns,)
-        Coefficients of the fixed columns and of the templates' columns.
-    loglik : float
-        Approximate log-likelihood.
-    score : float
-        The same less what its effects cost.
-    scales : array, shape (n_equations,)
-        Scale of each equation's residual.
-    left : array, shape (n_equations,)
-        Sum of squares of each equation's residual.
-    """
+    """A set of effects at grid points, fitted to first order."""
 
     templates: tuple[int, ...]
+    """Places of its templates in the library."""
     x: np.ndarray
+    """Coefficients of the fixed columns and of the templates' columns, shape (n_fixed + n_columns,)."""
     loglik: float
+    """Approximate log-likelihood."""
     score: float
+    """The same less what its effects cost."""
     scales: np.ndarray
+    """Scale of each equation's residual, shape (n_equations,)."""
     left: np.ndarray
+    """Sum of squares of each equation's residual, shape (n_equations,)."""
 
 
 class _Alike(NamedTuple):

@@ -8,30 +8,20 @@ import numpy as np
 
 
 class Balance(NamedTuple):
-    """One equation: a derivative of a channel against what the simulator says.
-
-    Parameters
-    ----------
-    name : str
-        The port that it tests.
-    channel : str
-        What was measured.
-    order : int
-        Order of its derivative.
-    row : int
-        Row of the states' rates, or of the outputs where the order is 0.
-    unit : str
-        Its unit.
-    velocity : str
-        The velocity that it holds against a position; empty for the simulator's own equations.
-    """
+    """One equation: a derivative of a channel against what the simulator says."""
 
     name: str
+    """The port that it tests."""
     channel: str
+    """What was measured."""
     order: int
+    """Order of its derivative."""
     row: int
+    """Row of the states' rates, or of the outputs where the order is 0."""
     unit: str
+    """Its unit."""
     velocity: str = ""
+    """The velocity that it holds against a position; empty for the simulator's own equations."""
 
     def rate(self, x: np.ndarray, dt: float) -> np.ndarray:
         """Return the derivative of a channel over one run, without what smooths it."""

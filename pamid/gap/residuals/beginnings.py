@@ -18,21 +18,14 @@ import numpy as np
 
 
 class Beginning(NamedTuple):
-    """What an effect may add at the beginning of a run.
-
-    Parameters
-    ----------
-    equation : str
-        The equation.
-    tau : float
-        Time constant of its decay, s.
-    size : float
-        Its standard deviation, in the unit of the equation.
-    """
+    """What an effect may add at the beginning of a run."""
 
     equation: str
+    """The equation."""
     tau: float
+    """Time constant of its decay, s."""
     size: float
+    """Its standard deviation, in the unit of the equation."""
 
 
 def without_beginnings(z: np.ndarray, columns: Sequence[np.ndarray], block: np.ndarray) -> tuple[np.ndarray, float]:

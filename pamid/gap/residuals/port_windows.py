@@ -8,24 +8,15 @@ import numpy as np
 
 
 class PortWindows(NamedTuple):
-    """The windows of one equation.
-
-    Parameters
-    ----------
-    equation : str
-        Its name: the port that it tests.
-    unit : str
-        Unit of its residual.
-    first : array of int
-        Rows of the log at which the windows begin.
-    centre : array of int
-        Rows at their centres.
-    measured : array
-        What was measured, in the equation's unit.
-    """
+    """The windows of one equation."""
 
     equation: str
+    """Its name: the port that it tests."""
     unit: str
+    """Unit of its residual."""
     first: np.ndarray
+    """Rows of the log at which the windows begin."""
     centre: np.ndarray
+    """Rows at their centres."""
     measured: np.ndarray
+    """What was measured, in the equation's unit."""

@@ -22,24 +22,16 @@ _PRESSURE = {"force": 5e5, "torque": 5e5, "flow": 2e3}  # Pa; of a flow that is 
 
 @dataclass(frozen=True)
 class Scaling:
-    """Conversion of signals and target to those of a typical muscle, and of effects' parameters back.
-
-    Parameters
-    ----------
-    position : float
-        Length, angle, voltage ... that counts as a strain of one.
-    time : float
-        Value of one second of the log, s.
-    pressure : float
-        Value of one unit of the log's pressure, Pa.
-    target : float
-        Size of one newton of the target, in its unit; negative where effects add to the target.
-    """
+    """Conversion of signals and target to those of a typical muscle, and of effects' parameters back."""
 
     position: float = 1.0
+    """Length, angle, voltage ... that counts as a strain of one."""
     time: float = 1.0
+    """Value of one second of the log, s."""
     pressure: float = 1.0
+    """Value of one unit of the log's pressure, Pa."""
     target: float = 1.0
+    """Size of one newton of the target, in its unit; negative where effects add to the target."""
 
     def inward(self, table: Table) -> dict[str, np.ndarray]:
         """Return signals in typical units; the position stays, since it is converted to strains where it is used."""

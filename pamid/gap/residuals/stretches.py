@@ -36,16 +36,11 @@ while, and what is then left of an initial state's largest effect."""
 
 
 class Segment(NamedTuple):
-    """A piece of a run.
-
-    Parameters
-    ----------
-    first, stop : int
-        Its rows.
-    """
+    """A piece of a run."""
 
     first: int
     stop: int
+    """Its rows."""
 
 
 class StretchEvidence(PortEvidence):

@@ -25,38 +25,25 @@ _SINGULAR = 1e6
 
 
 class Instants(NamedTuple):
-    """Instants at which a simulator is evaluated.
-
-    Parameters
-    ----------
-    t, x, u : array, shape (n,), (n_states, n), (n_inputs, n)
-        Times, states, inputs.
-    step : array, shape (n_inputs,)
-        Changes of the inputs that count as small.
-    """
+    """Instants at which a simulator is evaluated."""
 
     t: np.ndarray
     x: np.ndarray
     u: np.ndarray
+    """Times, states, inputs. Shape (n,)."""
     step: np.ndarray
+    """Changes of the inputs that count as small, shape (n_inputs,)."""
 
 
 class Turned(NamedTuple):
-    """A linear map of the residuals of some equations, window by window.
-
-    Parameters
-    ----------
-    equations : list of int
-        Places of the equations.
-    by : array, shape (n_windows, n_equations, n_equations)
-        The map.
-    forces : bool
-        Whether the result is forces rather than rates.
-    """
+    """A linear map of the residuals of some equations, window by window."""
 
     equations: list[int]
+    """Places of the equations."""
     by: np.ndarray
+    """The map, shape (n_windows, n_equations, n_equations)."""
     forces: bool
+    """Whether the result is forces rather than rates."""
 
     def __call__(self, parts: Sequence[np.ndarray]) -> list[np.ndarray]:
         """Return the residuals of all equations, some of them transformed."""

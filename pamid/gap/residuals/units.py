@@ -13,15 +13,6 @@ _SYMBOL = re.compile(r"(kg|m\^3|[A-Za-z]+)(?:\^(\d+))?")
 class Units(NamedTuple):
     """Units of a log of one equation.
 
-    Parameters
-    ----------
-    target : str, default="N"
-        Of what is measured.
-    position : str, default="-"
-        Of the position; ``"-"`` for a contraction ratio.
-    pressure : str, default="Pa"
-        Of the pressure, or its substitute.
-
     Examples
     --------
     >>> from pamid.effects import all_effects
@@ -34,8 +25,11 @@ class Units(NamedTuple):
     """
 
     target: str = "N"
+    """Of what is measured."""
     position: str = "-"
+    """Of the position; ``"-"`` for a contraction ratio."""
     pressure: str = "Pa"
+    """Of the pressure, or its substitute."""
 
     def of(self, effect: type[Effect], p: Parameter) -> str:
         """Return the unit of an effect's parameter."""

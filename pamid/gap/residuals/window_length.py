@@ -20,21 +20,14 @@ HIDDEN = 0.1
 
 
 class Rate(NamedTuple):
-    """The rate of an equation.
-
-    Parameters
-    ----------
-    modelled : array, shape (n_rows,)
-        The modelled rate.
-    order : int
-        Order of the derivative that is measured.
-    noise : float
-        Standard deviation of the reading's noise, in the unit of the reading.
-    """
+    """The rate of an equation."""
 
     modelled: np.ndarray
+    """The modelled rate, shape (n_rows,)."""
     order: int
+    """Order of the derivative that is measured."""
     noise: float
+    """Standard deviation of the reading's noise, in the unit of the reading."""
 
 
 def samples(rates: Sequence[Rate], log: PortLog) -> int:

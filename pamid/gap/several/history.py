@@ -39,30 +39,20 @@ _SHOWN = 6
 
 @dataclass(frozen=True)
 class Round:
-    """The result of a diagnosis after each further log.
-
-    Parameters
-    ----------
-    logs : list of str
-        The logs that came with it.
-    seconds : float
-        Time recorded so far, s.
-    verdict : str
-        The verdict.
-    confidences : dict of str to float
-        Confidence of the likeliest candidates: with several causes in each, otherwise adding to one over the library.
-    parameters : dict of str to dict
-        For each cause its main parameter: ``parameter``, ``value``, ``low``, ``high``, ``unit``.
-    left : float
-        Share of the gap's power that the named causes leave; 1 where none is named.
-    """
+    """The result of a diagnosis after each further log."""
 
     logs: list[str]
+    """The logs that came with it."""
     seconds: float
+    """Time recorded so far, s."""
     verdict: str
+    """The verdict."""
     confidences: dict[str, float]
+    """Confidence of the likeliest candidates: with several causes in each, otherwise adding to one over the library."""
     parameters: dict[str, dict[str, Any]]
+    """For each cause its main parameter: ``parameter``, ``value``, ``low``, ``high``, ``unit``."""
     left: float
+    """Share of the gap's power that the named causes leave; 1 where none is named."""
 
 
 class Answered(Protocol):

@@ -24,21 +24,14 @@ KEPT = 1500
 
 
 class Log(NamedTuple):
-    """One of several logs.
-
-    Parameters
-    ----------
-    name : str
-        Its name.
-    evidence : ResidualSource
-        Its windows.
-    day : str
-        Logs of one day share what may change from day to day.
-    """
+    """One of several logs."""
 
     name: str
+    """Its name."""
     evidence: Any
+    """Its windows."""
     day: str
+    """Logs of one day share what may change from day to day."""
 
 
 class StackedEvidence:

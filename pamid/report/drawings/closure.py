@@ -20,25 +20,17 @@ _WORDS = 26  # letters of a label that fit beside the bars
 
 
 class Bar(NamedTuple):
-    """One bar of a waterfall.
-
-    Parameters
-    ----------
-    label : str
-        What it stands for.
-    start, end : float
-        From where to where, as shares of the mean square error before.
-    colour : str
-        Its colour.
-    text : str
-        What stands at its end.
-    """
+    """One bar of a waterfall."""
 
     label: str
+    """What it stands for."""
     start: float
     end: float
+    """From where to where, as shares of the mean square error before."""
     colour: str
+    """Its colour."""
     text: str
+    """What stands at its end."""
 
 
 def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:

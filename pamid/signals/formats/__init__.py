@@ -27,53 +27,35 @@ HEAD_BYTES = 65_536
 
 @dataclass
 class RawTable:
-    """A table as it stands in a file, before names and units are mapped.
-
-    Parameters
-    ----------
-    frame : DataFrame
-        Columns by name, or by position from 0 where the file names none.
-    variable : str or None
-        Name of the variable in the file that held it.
-    named : bool
-        Whether the columns have names of their own.
-    head : dict
-        Single values beside the table, such as ``kp`` in a JSON log.
-    lost : tuple of str
-        What of the file is not in the table, each a clause, such as "its last message is cut off".
-    """
+    """A table as it stands in a file, before names and units are mapped."""
 
     frame: pd.DataFrame
+    """Columns by name, or by position from 0 where the file names none."""
     variable: str | None = None
+    """Name of the variable in the file that held it."""
     named: bool = True
+    """Whether the columns have names of their own."""
     head: dict[str, Any] = field(default_factory=dict)
+    """Single values beside the table, such as ``kp`` in a JSON log."""
     lost: tuple[str, ...] = ()
+    """What of the file is not in the table, each a clause, such as "its last message is cut off"."""
 
 
 @dataclass(frozen=True)
 class Format:
-    """A file format of logs.
-
-    Parameters
-    ----------
-    name : str
-        What people call it.
-    extensions : tuple of str
-        Endings of file names, with the dot, in lower case.
-    recognises : callable
-        Takes the first bytes of a file and says whether it is of this format.
-    read : callable
-        Takes a path, a mapping and the largest number of bytes to decompress; returns the tables and the zero run or
-        None.
-    order : int
-        Formats with clear marks come first (0), text last (9).
-    """
+    """A file format of logs."""
 
     name: str
+    """What people call it."""
     extensions: tuple[str, ...]
+    """Endings of file names, with the dot, in lower case."""
     recognises: Callable[[bytes], bool]
+    """Takes the first bytes of a file and says whether it is of this format."""
     read: Callable[[Path, LogMapping, int], tuple[list[RawTable], pd.DataFrame | None]]
+    """Takes a path, a mapping and the largest number of bytes to decompress; returns the tables and the zero run or
+    None."""
     order: int = 0
+    """Formats with clear marks come first (0), text last (9)."""
 
 
 def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
