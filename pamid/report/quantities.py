@@ -69,6 +69,7 @@ class _Spoken(NamedTuple):
     """What words need to know of a diagnosis: its simulator's ports, parameters, and units of its equations."""
 
     ports: Mapping[str, str] = MappingProxyType({})
+    joints: frozenset[str] = frozenset()
     numbers: Mapping[str, Any] = MappingProxyType({})
     units: Mapping[str, str] = MappingProxyType({})
 
@@ -86,7 +87,8 @@ def names_of(diagnosis: Diagnosis) -> Iterator[None]:
     ports = () if getattr(diagnosis.nominal, "states_equation", True) else diagnosis.nominal.ports
     numbers = diagnosis.nominal.parameters if ports else {}
     units = {e.equation: e.unit for e in diagnosis.equations} if ports else {}
-    token = _SPOKEN.set(_Spoken({p.name: p.unit for p in ports}, numbers, units))
+    joints = frozenset(p.name for p in ports if p.kind == "joint")
+    token = _SPOKEN.set(_Spoken({p.name: p.unit for p in ports}, joints, numbers, units))
     try:
         yield
     finally:
@@ -96,6 +98,11 @@ def names_of(diagnosis: Diagnosis) -> Iterator[None]:
 def of_port(name: str) -> bool:
     """Return whether a signal is that of a port, see `names_of`."""
     return name in _SPOKEN.get().ports
+
+
+def is_at_ports(equation: str) -> bool:
+    """Return whether an equation is one of a simulator with ports, see `names_of`."""
+    return equation in _SPOKEN.get().units
 
 
 def number_of(name: str) -> Any:
@@ -114,8 +121,8 @@ RESIDUALS = {
 """What an equation's residual is called."""
 
 
-_FORCES = {"N m": "torque at", "N": "force at", "m/s^2": "acceleration of", "rad/s^2": "acceleration of"}
-"""What an equation of a simulator with ports balances, by its unit."""
+_AT_A_JOINT = {"N m": "torque", "N": "force"}
+"""What acts at a joint, by its unit; in any other it is a drive."""
 
 
 def equation(name: str) -> str:
@@ -123,19 +130,21 @@ def equation(name: str) -> str:
     from ..equations import all_equations
 
     spoken, known = _SPOKEN.get(), all_equations()
-    if name not in spoken.units:
+    if not is_at_ports(name):
         return known[name].title() if name in known else name
-    unit = spoken.units[name]
-    if unit == spoken.ports.get(name, unit):
-        return name
-    rate = unit_powers(unit) == unit_powers(f"{spoken.ports.get(name, '')}/s")
-    return f"{_FORCES[unit]} {name}" if unit in _FORCES else f"rate of {name}" if rate else name
+    unit, own = spoken.units[name], spoken.ports.get(name, "")
+    if name in spoken.joints or (unit in _AT_A_JOINT and unit != own):
+        return f"{_AT_A_JOINT.get(unit, 'drive')} at {name}"
+    if unit_powers(unit) == unit_powers(f"{own}/s"):
+        return f"rate of {name}"
+    twice = unit_powers(unit) == unit_powers(f"{own}/s^2") or unit in ("m/s^2", "rad/s^2")
+    return f"acceleration of {name}" if twice and unit != own else name
 
 
 def in_equation(name: str) -> str:
     """Return in which equation something is: ``in the force equation``, ``in the torque at hinge``, ``in y``."""
     told = equation(name)
-    if name not in _SPOKEN.get().units:
+    if not is_at_ports(name):
         return f"in the {told} equation"
     return f"in {told}" if told == name else f"in the {told}"
 
@@ -173,9 +182,15 @@ def residual(equation: str, unit: str) -> DisplayedQuantity:
     return DisplayedQuantity(residual_words(equation, of.words), of.factor, of.unit)
 
 
+def error(equation: str, unit: str) -> DisplayedQuantity:
+    """Return an equation's residual as an axis has it, below which a caption says of what: a port's would be long."""
+    found = residual(equation, unit)
+    return found._replace(words="error") if is_at_ports(equation) else found
+
+
 def residual_words(name: str, words: str = "") -> str:
     """Return what the residual of an equation is called."""
-    if name in _SPOKEN.get().units:
+    if is_at_ports(name):
         told = equation(name)
         return f"error of {told}" if told == name else f"error of the {told}"
     return f"{words or target(name, '').words} error" if name == "torque" else RESIDUALS.get(name, f"{name} error")
@@ -196,7 +211,7 @@ def target(name: str, unit: str) -> DisplayedQuantity:
     """Return the measured side of an equation as people read it; a torque in another unit than N m is a drive."""
     factor, shown = SHOWN.get(unit, (1.0, unit))
     words = "drive" if name == "torque" and unit not in ("", "N m") else _TARGETS.get(name, name)
-    words = equation(name) if name in _SPOKEN.get().units else words
+    words = equation(name) if is_at_ports(name) else words
     return DisplayedQuantity(words, factor, "" if shown == "drive unit" else shown)
 
 
@@ -304,6 +319,11 @@ def probability(p: float) -> str:
     if not math.isfinite(p):
         return "p unknown"
     return "p < 0.001" if p < 0.001 else f"p = {p:.2g}"
+
+
+def run_named(name: str) -> str:
+    """Return a run's name in a sentence: ``run 2`` is called so, ``sine`` is the run sine."""
+    return name if name.lower().startswith("run") else f"the run {name}"
 
 
 def listed(words: list[str], last: str = "and") -> str:

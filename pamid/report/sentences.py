@@ -177,7 +177,7 @@ def where(d: Diagnosis) -> str:
         parts = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
         bench = in_equation(first).endswith(" equation")
         text = f"The gap is in {'the equations of ' if bench else ''}{listed(parts)}"
-    part = "that" if len(told) == 1 else f"the part {in_equation(first)}"
+    part = "it" if len(told) == 1 else f"the part {in_equation(first)}"
     return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
 
 
@@ -234,7 +234,7 @@ def _band_text(d: Diagnosis, equation: str) -> str:
     if band.share < 0.4:
         return ", at all frequencies"
     place = f"below {band.to_hz:.3g} Hz" if band.from_hz <= 0 else f"from {band.from_hz:.3g} to {band.to_hz:.3g} Hz"
-    return f", and {percent(band.share)} {place}"
+    return f", and {percent(band.share)} lies {place}"
 
 
 def query_words(query: str) -> str:

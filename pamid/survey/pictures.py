@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..plots.curves import drawn
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
 from ..report.quantities import signal
 from ..signals.thinning import spaced
@@ -36,14 +37,13 @@ def run_picture(log: pd.DataFrame, c: Coverage) -> Figure:
     """Draw the longest run over time: what moves, and what is measured."""
     sizes = log.groupby("trajectory", sort=False).size()
     run = log[log["trajectory"] == sizes.idxmax()]
-    run = run.iloc[spaced(len(run), _MOST_POINTS)]
     names = [n for n in dict.fromkeys((c.position, c.pressure, c.target)) if n] or [str(log.columns[-1])]
-    time = run["time"] - run["time"].iloc[0]
+    time = (run["time"] - run["time"].iloc[0]).to_numpy(dtype=float)
     with style():
         figure, axes = new_figure(4.6, 0.8 + 1.1 * len(names), len(names), 1, sharex=True)
         for ax, name in zip(axes[:, 0], names, strict=True):
             q = signal(name)
-            ax.plot(time, run[name] * q.factor, color=BLUE, linewidth=0.9)
+            ax.plot(*drawn(time, q.factor * run[name].to_numpy(dtype=float)), color=BLUE, linewidth=0.9)
             ax.set_ylabel(f"{name} / {q.unit}" if q.unit else name)
         axes[-1, 0].set_xlabel("time / s")
     return figure

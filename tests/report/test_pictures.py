@@ -159,16 +159,3 @@ def test_a_printed_diagnosis_is_its_sentences(diagnoses, verdict):
     assert str(d) == str(answers(d))
     assert len(str(d).splitlines()) <= 4  # the verdict, then where, which and how far
     assert len(repr(d)) < 100 and verdict in repr(d)
-
-
-def test_the_error_of_an_own_simulator_is_drawn_over_the_port_it_depends_on(diagnoses):
-    d = diagnoses["cause"]
-    rng, n = np.random.default_rng(0), 200
-    table = d.windows[d.windows["equation"] == "force"].iloc[:n]
-    table = table[["trajectory", "time", "equation", "side", "measured", "before", "after", "noise"]].assign(
-        trajectory="run", hinge_q=rng.normal(size=n), hinge_dq=rng.normal(size=n), held=1.0
-    )
-    table["before"] = np.sign(table["hinge_dq"]) + 0.1 * rng.normal(size=n)
-    figure = loop_figure(replace(d, windows=table), "force", "run")
-    labels = [ax.get_xlabel() for ax in figure.axes]
-    assert labels[0].startswith("hinge_dq") and labels[1] == "time / s"

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...plots.curves import drawn
 from ...plots.style import BLUE, INK, ORANGE, new_figure, style
 from ..quantities import target
 from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of
@@ -15,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...gap.diagnosis.result import Diagnosis
-
-_MOST = 1500  # windows drawn of one run
 
 
 def course_figure(
@@ -30,22 +29,17 @@ def course_figure(
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)
     quantity = target(equation, unit_of(d, equation))
-    shown = part.iloc[:_MOST]
-    time, measured = shown["time"].to_numpy(dtype=float), shown["measured"].to_numpy(dtype=float)
-    broken = np.zeros(len(time), dtype=bool)
-    if len(time) > 2:  # nothing is drawn across a gap of the log
-        broken[1:] = np.diff(time) > 5 * np.median(np.diff(time))
+    time, measured = part["time"].to_numpy(dtype=float), part["measured"].to_numpy(dtype=float)
     with style():
         figure, axes = new_figure(5.2, 2.7)
         ax = axes[0, 0]
         told = {"before": "simulated before" if d.added else "simulated", "after": "simulated after"}
         lines: list[tuple[Any, str, str, Any, float]] = [(measured, INK, "measured", "-", 1.6)]
         for name, colour, dash in zip(states(d), (ORANGE, BLUE), ("-", (0, (4, 2))), strict=False):
-            simulated = measured - shown[name].to_numpy(dtype=float)
+            simulated = measured - part[name].to_numpy(dtype=float)
             lines.append((simulated, colour, f"{told[name]}, fit {fit_words(fit(part, name))}", dash, 1.1))
         for values, colour, label, dash, width in lines:
-            y = np.where(broken, np.nan, quantity.factor * values)
-            ax.plot(time, y, color=colour, label=label, linestyle=dash, linewidth=width)
+            ax.plot(*drawn(time, quantity.factor * values), color=colour, label=label, linestyle=dash, linewidth=width)
         ax.set_xlabel("time / s")
         ax.set_ylabel(quantity.label)
         if limits is not None:
@@ -60,7 +54,7 @@ def shared_limits(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple
     factor = target(equation, unit_of(d, equation)).factor
     values = []
     for name in trajectories:
-        part = of_trajectory(d, equation, name).iloc[:_MOST]
+        part = of_trajectory(d, equation, name)
         measured = part["measured"].to_numpy(dtype=float)
         values += [measured, *(measured - part[state].to_numpy(dtype=float) for state in states(d))]
     low, high = np.nanquantile(factor * np.concatenate(values), (0.001, 0.999))

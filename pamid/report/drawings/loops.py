@@ -6,9 +6,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...plots.curves import drawn
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
-from ..quantities import residual, signal
-from .windows import chosen_equation, of_trajectory, states, telling_ports, telling_trajectories, unit_of, usable
+from ..quantities import error, is_at_ports, signal
+from .windows import (
+    chosen_equation,
+    of_equation,
+    of_trajectory,
+    states,
+    telling_ports,
+    telling_trajectories,
+    unit_of,
+    usable,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +36,6 @@ _ACROSS = {
     "joint_modelled": ("q", "eps"),
     "torque": ("q",),
 }
-_MOST = 1500  # windows drawn of one run
 _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a signal is taken for held
 
 
@@ -39,9 +48,9 @@ def loop_figure(
     """Draw the residual of a run over the state and over time."""
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
-    part = _first_stretch(of_trajectory(d, equation, trajectory))
-    quantity = residual(equation, unit_of(d, equation))
-    across = _across(part, equation)
+    part = of_trajectory(d, equation, trajectory)
+    quantity = error(equation, unit_of(d, equation))
+    across = _across(d, part, equation)
     with style():
         figure, axes = new_figure(4.3, 3.9, 2, 1, height_ratios=(1.7, 1.0))
         loop, course = axes[:, 0]
@@ -58,33 +67,26 @@ def loop_figure(
     return figure
 
 
-def _first_stretch(part: pd.DataFrame) -> pd.DataFrame:
-    """Return at most so many windows as a picture can show, from the beginning, whole loops rather than every n-th."""
-    return part.iloc[:_MOST]
-
-
-def _across(part: pd.DataFrame, equation: str) -> str:
-    for name in (*_ACROSS.get(equation, ()), "eps", "P", "u"):
+def _across(d: Diagnosis, part: pd.DataFrame, equation: str) -> str:
+    """Return the signal over which the error is drawn: of a simulator with ports the one on which it depends most."""
+    for name in () if is_at_ports(equation) else (*_ACROSS.get(equation, ()), "eps", "P", "u"):
         if usable(part, name):
             x = part[name].to_numpy(dtype=float)
             if float(np.nanmax(x) - np.nanmin(x)) > _STILL.get(name, 0.0):
                 return name
-    return next(iter(telling_ports(part)), "time")
+    return next((name for name in telling_ports(of_equation(d, equation)) if usable(part, name)), "time")
 
 
 def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple[str, ...]) -> None:
-    x = signal(across).factor * part[across].to_numpy(dtype=float)
     time = part["time"].to_numpy(dtype=float)
-    broken = np.zeros(len(time), dtype=bool)
-    if len(time) > 2:  # nothing is drawn across a gap of the log
-        steps = np.diff(time)
-        broken[1:] = steps > 5 * np.median(steps)
+    x = signal(across).factor * part[across].to_numpy(dtype=float)
     noise = 2 * factor * float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     ax.axhspan(-noise, noise, color=FAINT, alpha=0.6, linewidth=0, label="noise, ± 2 σ")
     ax.axhline(0.0, color=GREY, linewidth=0.5)
     for name, colour, width in zip(names, (ORANGE, BLUE), (0.9, 1.6), strict=False):  # distinguishable in grey as well
-        y = np.where(broken, np.nan, factor * part[name].to_numpy(dtype=float))
-        ax.plot(x, y, color=colour, linewidth=width, label=name if len(names) > 1 else "error")
+        y = factor * part[name].to_numpy(dtype=float)
+        _, *path = drawn(time, x, y)
+        ax.plot(*path, color=colour, linewidth=width, label=name if len(names) > 1 else "error")
     ax.set_ylim(_ends(part, names, factor))
 
 
@@ -98,6 +100,6 @@ def _ends(part: pd.DataFrame, names: tuple[str, ...], factor: float) -> tuple[fl
 
 def shared_scale(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple[float, float]:
     """Return the ends of one axis for the residuals of several runs, in the unit shown."""
-    factor = residual(equation, unit_of(d, equation)).factor
-    ends = [_ends(_first_stretch(of_trajectory(d, equation, name)), states(d), factor) for name in trajectories]
+    factor = error(equation, unit_of(d, equation)).factor
+    ends = [_ends(of_trajectory(d, equation, name), states(d), factor) for name in trajectories]
     return min(low for low, _ in ends), max(high for _, high in ends)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...errors import ParameterError
 from ...plots.style import INK, new_figure, style
-from ..quantities import residual, signal
+from ..quantities import error, is_at_ports, signal
 from .windows import chosen_equation, of_equation, states, telling_ports, unit_of, usable
 
 if TYPE_CHECKING:
@@ -30,6 +30,9 @@ AXES = {
 }
 """State over which an equation is mapped, the most telling first."""
 _COLUMNS, _ROWS = 22, 16
+"""The most cells of a map."""
+_IN_A_CELL = 6
+"""Windows that a cell holds on the average; a short log has fewer and larger cells."""
 _FEWEST = 3  # windows in a cell that is drawn
 _BACK = "#E4E4E4"  # where there are no data
 _CONDITION = re.compile(r"^\(*\s*(\w+?)[12]?\s*(<=|>=|<|>)\s*(-?[\d.]+(?:[eE][-+]?\d+)?)\s*\)*$")
@@ -38,7 +41,8 @@ _CONDITION = re.compile(r"^\(*\s*(\w+?)[12]?\s*(<=|>=|<|>)\s*(-?[\d.]+(?:[eE][-+
 def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]:
     """Return the pairs of signals over which an equation can be mapped; those of its regions come first."""
     part = of_equation(d, equation)
-    pairs = [p for p in AXES.get(equation, AXES["force"]) if usable(part, p[0]) and usable(part, p[1])]
+    known = () if is_at_ports(equation) else AXES.get(equation, AXES["force"])
+    pairs = [p for p in known if usable(part, p[0]) and usable(part, p[1])]
     regions = [set(bounds(r.query)) for r in d.regions if r.equation == equation]
     if not pairs:  # the ports of a user's own simulator
         first, *others = telling_ports(part) or [""]
@@ -60,7 +64,7 @@ def map_figure(d: Diagnosis, equation: str | None = None, x: str | None = None, 
     part = of_equation(d, equation)
     if lacking := [name for name in (x, y) if not usable(part, name)]:
         raise ParameterError(f"{lacking[0]} does not vary in the windows.", "a signal that does", "Choose another.")
-    quantity = residual(equation, unit_of(d, equation))
+    quantity = error(equation, unit_of(d, equation))
     grids, edges = _grids(part, x, y, states(d))
     noise = float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     limit = quantity.factor * max(_limit(grids), 2 * noise)  # what is within the noise must not look like a gap
@@ -85,7 +89,8 @@ def _grids(
     values = [part[name].to_numpy(dtype=float) for name in names]
     fine = np.all(np.isfinite([a, b, *values]), axis=0)
     a, b, values = a[fine], b[fine], [v[fine] for v in values]
-    edges = _edges(a, _COLUMNS), _edges(b, _ROWS)
+    finer = min(1.0, float(np.sqrt(len(a) / (_IN_A_CELL * _COLUMNS * _ROWS))))
+    edges = _edges(a, round(_COLUMNS * finer) or 1), _edges(b, round(_ROWS * finer) or 1)
     count = np.histogram2d(a, b, edges)[0]
     with np.errstate(invalid="ignore", divide="ignore"):
         means = [np.histogram2d(a, b, edges, weights=v)[0] / count for v in values]

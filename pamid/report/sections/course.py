@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..drawings.course import course_figure, fit, fit_words, shared_limits
+from ..drawings.readings import readings_figure
 from ..drawings.windows import equations, of_equation, states, telling_trajectories
-from ..quantities import equation
+from ..quantities import equation, run_named
 from .base import Section
 
 
@@ -27,11 +28,16 @@ class CourseSection(Section):
         name = d.added[0].equation if d.added and d.added[0].equation in equations(d) else equations(d)[0]
         runs = telling_trajectories(d, name, 2)
         limits = shared_limits(d, name, runs)
-        pictures = [
-            self.picture(course_figure(d, name, run, limits), str(k), f"The run {run}.") for k, run in enumerate(runs)
-        ]
+        pictures, readings = [], []
+        for k, run in enumerate(runs):
+            caption = f"{equation(name)} in {run_named(run)}."
+            caption = f"{caption[:1].upper()}{caption[1:]}"
+            pictures.append(self.picture(course_figure(d, name, run, limits), str(k), caption))
+            if (figure := readings_figure(d, run)) is not None:
+                caption = f"Every row of the log in {run_named(run)}."
+                readings.append(self.picture(figure, f"readings-{k}", caption))
         rows = []
         for one in equations(d):
             part = of_equation(d, one)
             rows.append({"equation": equation(one), "fits": [fit_words(fit(part, state)) for state in states(d)]})
-        return {"pictures": pictures, "rows": rows, "added": bool(d.added)}
+        return {"pictures": pictures, "readings": readings, "rows": rows, "added": bool(d.added)}

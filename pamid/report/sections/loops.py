@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.loops import loop_figure, shared_scale
 from ..drawings.windows import equations, telling_trajectories
-from ..quantities import residual_words
+from ..quantities import residual_words, run_named
 from .base import Section
 
 
@@ -30,6 +30,6 @@ class LoopsSection(Section):
         limits = shared_scale(d, name, runs)
         for place, trajectory in enumerate(runs):
             words = residual_words(name)
-            caption = f"{words[:1].upper()}{words[1:]} in the run {trajectory}."
+            caption = f"{words[:1].upper()}{words[1:]} in {run_named(trajectory)}."
             pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
         return {"pictures": pictures, "added": bool(d.added)}

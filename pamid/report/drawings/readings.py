@@ -1,0 +1,58 @@
+"""What the log holds of a run, row by row: commands and readings as they were recorded."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ...plots.curves import drawn
+from ...plots.style import INK, new_figure, style
+from ..quantities import SIGNALS, signal
+
+if TYPE_CHECKING:
+    import pandas as pd
+    from matplotlib.figure import Figure
+
+    from ...gap.diagnosis.result import Diagnosis
+
+_MOST = 6
+"""Panels of a picture that stands beside another."""
+
+
+def readings_figure(d: Diagnosis, trajectory: str) -> Figure | None:
+    """Draw the signals of a run over time at the resolution of the log; None where the diagnosis kept no log."""
+    run = _rows(d, trajectory)
+    columns = [] if run is None else _columns(d, run)
+    if run is None or not columns:
+        return None
+    time = run["time"].to_numpy(dtype=float)
+    with style():
+        figure, axes = new_figure(5.2, 0.7 + 0.8 * len(columns), len(columns), 1, sharex=True)
+        for ax, (name, column) in zip(axes[:, 0], columns, strict=True):
+            quantity = signal(name)
+            values = quantity.factor * run[column].to_numpy(dtype=float)
+            ax.plot(*drawn(time - time[0], values), color=INK, linewidth=0.8)
+            ax.set_title(quantity.label)
+        axes[-1, 0].set_xlabel("time / s")
+    return figure
+
+
+def _rows(d: Diagnosis, trajectory: str) -> pd.DataFrame | None:
+    """Return the rows of a run, whose name among several logs begins with that of its log."""
+    logs = d.history.logs if d.history is not None else {}
+    for name, log in logs.items():
+        names = log["trajectory"].astype(str) if "trajectory" in log else None
+        for called in (trajectory, trajectory.removeprefix(f"{name}: ")):
+            if names is not None and (names == called).any():
+                return log[names == called].sort_values("time", kind="stable")
+    return None
+
+
+def _columns(d: Diagnosis, run: pd.DataFrame) -> list[tuple[str, str]]:
+    """Return signals and their columns: those of the simulator's ports, or those that every log of a bench has."""
+    if getattr(d.nominal, "states_equation", True):
+        named = [(c, c) for c in map(str, run.columns) if c != "time" and (c in SIGNALS or c.rstrip("12") in SIGNALS)]
+    else:
+        named = [(p.name, p.column or p.name) for p in d.nominal.ports if p.kind in ("input", "state", "output")]
+    return [(n, c) for n, c in named if c in run and np.isfinite(run[c].to_numpy(dtype=float)).any()][:_MOST]
