@@ -147,6 +147,23 @@ def test_a_servo_with_a_proportional_controller():
     assert any("left out" in note for note in limited.notes)
 
 
+@pytest.mark.parametrize("unit", [1.0, 100.0])
+def test_the_loss_of_a_gear_is_a_share_in_any_unit_of_the_drive(unit):
+    rng = np.random.default_rng(0)
+
+    def run(w: float) -> pd.DataFrame:
+        q, way = 0.5 * np.sin(w * TIME), np.tanh(50.0 * w * np.cos(w * TIME))
+        load = 0.8 * np.sin(q) - 0.02 * w**2 * q
+        drive = load + 0.15 * np.abs(load) * way + 0.002 * rng.standard_normal(len(TIME))
+        return pd.DataFrame({"q": q, "drive": unit * drive})
+
+    joint = Joint(inertia=0.02 * unit, gravity=0.8 * unit, unit="N m")
+    found = diagnose(runs(run), joint, ["torque_loss", "viscous_friction", "coulomb_friction"])
+    assert [c.effects for c in found.causes] == [("torque_loss",)]
+    shares = found.causes[0].parameters
+    assert [shares[n].value for n in ("driving", "driven")] == pytest.approx([0.15, 0.15], abs=0.01)
+
+
 def test_a_single_muscle_agrees_with_the_twin():
     bench = BenchParameters.for_muscle("B")
     log = unfold(simulate(bench, [sine(4, 15, samples=500), isometric(5, 5e4, samples=500)], seed=0), bench)

@@ -47,6 +47,7 @@ class Scaling:
             "velocity": 1.0 / self.time,
             "pressure": self.pressure,
             "pressure_rate": self.pressure / self.time,
+            "force": 1.0 / abs(self.target),  # what is lost of it is a share of the target
         }.get(role, 1.0)
 
     def factor(self, effect: type[Effect], p: Parameter) -> float:
