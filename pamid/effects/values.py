@@ -53,6 +53,9 @@ class Parameter:
         Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
     spacing : float, default=0
         Least difference of values that a log distinguishes, in ``unit``; 0 where nothing is known.
+    factor : bool, default=False
+        Whether 1 plus it multiplies a positive number, which may be wrong by orders of magnitude: steps and intervals
+        are those of the logarithm of that factor.
 
     Examples
     --------
@@ -77,6 +80,7 @@ class Parameter:
     idle: bool = False
     periods: bool = False
     spacing: float = 0.0
+    factor: bool = False
 
     def over(self, span: float) -> Parameter:
         """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.
@@ -89,6 +93,17 @@ class Parameter:
         once = 2.0 * math.pi / span
         lower, upper = max(self.lower, once), min(self.upper, MOST_PERIODS * once)
         return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
+
+    def size(self, value: float) -> float:
+        """Return how far a value is from no effect, as errors of it are counted."""
+        return (1.0 + value) * math.log1p(value) if self.factor else value
+
+    def interval(self, value: float, half: float) -> tuple[float, float]:
+        """Return an interval about a value within its bounds, about as wide as twice half."""
+        low, high = value - half, value + half
+        if self.factor:
+            low, high = (np.expm1(np.log1p(value) + d / (1.0 + value)) for d in (-half, min(half, 1e2 * (1.0 + value))))
+        return max(self.lower, float(low)), min(self.upper, float(high))
 
     @property
     def share(self) -> bool:

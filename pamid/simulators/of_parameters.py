@@ -10,12 +10,12 @@ from .placement import Placement, Scales, narrowed
 
 
 class ParameterDeviation(Effect):
-    r"""A parameter that deviates by more than its tolerance: :math:`p' = p\,(1 + \delta)`."""
+    r"""A parameter that deviates by more than its tolerance: :math:`p' = p\,(1 + \delta)`, by any positive factor."""
 
     family = "parameter"
     equations = ()
     source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("deviation", "-", -0.95, 5.0, 0.1, "relative deviation"),)
+    parameters = (Parameter("deviation", "-", -1.0 + 1e-6, 1e6, 0.1, "relative deviation", factor=True),)
     deviation: float
 
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:

@@ -92,9 +92,9 @@ class Clusters:
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
             value = self.fit.spec[name][p.name]
-            wide = reach * float(np.hypot(error[m + k], FORM_LOCAL * value))
+            wide = reach * float(np.hypot(error[m + k], FORM_LOCAL * p.size(value)))
             known = np.isfinite(wide) and np.any(self.A[:, m + k])
-            ci: Interval = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
+            ci: Interval = p.interval(value, wide) if known else (-np.inf, np.inf)
             at_bound = not p.lower < value < p.upper and value != p.nominal
             found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci, at_bound)
         return found

@@ -318,6 +318,8 @@ def slots_of(effects: Mapping[str, type[Effect]], spec: Spec) -> list[tuple[str,
 
 def _nudge(p: Parameter, v: float) -> float:
     """Return a small change of a parameter that stays within its bounds."""
+    if p.factor:
+        return 1e-3 * (1.0 + v)
     h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
     h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
     return h if v + h <= p.upper else -h
@@ -331,6 +333,8 @@ def _reach(slots: Sequence[tuple[str, Parameter]], phi: np.ndarray) -> tuple[np.
         lower[k], upper[k] = p.lower - v, p.upper - v
         if _mixes(p):
             lower[k], upper[k] = max(lower[k], -MIX), min(upper[k], MIX)
+        elif p.factor:
+            lower[k], upper[k] = max(lower[k], -0.6 * (1.0 + v)), min(upper[k], 1.5 * (1.0 + v))
         elif not p.linear and p.lower >= 0.0:  # a factor, so that a time constant keeps its order of magnitude
             lower[k], upper[k] = max(lower[k], -0.6 * v), min(upper[k], max(1.5 * v, 2.0 * abs(_nudge(p, v))))
         elif not p.linear:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
+from .student_t import loglik
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -172,7 +174,37 @@ def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Tem
     if not np.any(D):
         return []
     bounds = np.array([p.lower]), np.array([p.upper])
-    return [Template(name, {}, (p.name,), D[:, None], *bounds, kind=evidence.effects[name])]
+    near = Template(name, {}, (p.name,), D[:, None], *bounds, kind=evidence.effects[name])
+    return [near, *(_far(evidence, name, p, D) if p.factor else ())]
+
+
+def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> list[Template]:
+    """Return the template of a factor beyond the reach of slopes, the likeliest alone.
+
+    A servo that is ten times too stiff follows its command, and no slope there says how soft the real one is. So where
+    slopes ask for a factor of e or more, the simulator is run with its powers while each is likelier.
+    """
+    none = np.zeros(len(evidence.free))
+    Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
+    own = D - Q @ (Q.T @ D)
+    wanted = -float(own @ evidence.z0) / max(float(own @ own), 1e-300)
+    if 1.0 < math.e * (1.0 + wanted) < math.e**2:
+        return []
+
+    def likelihood(z: np.ndarray) -> float:
+        return loglik(z - Q @ (Q.T @ z), evidence.parts, evidence.weights)[0]
+
+    best, found = likelihood(evidence.z0), []
+    for power in itertools.count(1):
+        value = math.expm1(math.copysign(power, wanted))
+        if not p.lower < value < p.upper:
+            break
+        z = evidence.tangent({name: {p.name: value}}, none)
+        if not np.all(np.isfinite(z)) or not (now := likelihood(z)) > best:
+            break
+        best, found = now, [Template(name, {p.name: value}, (), (z - evidence.z0)[:, None],
+                                     np.zeros(1), np.full(1, 2.0), kind=evidence.effects[name])]  # fmt: skip
+    return found
 
 
 def _peaks(evidence: ResidualSource, found: list[Template], finely: Sequence[Parameter]) -> list[Template]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -235,8 +236,9 @@ class PredictedEvidence(StretchEvidence):
         responses are known, needs no run.
         """
         known = self._ran(x0, base.u, base.p)
-        # Where tolerances are wide, responses at other values do not hold at these.
-        done = self._done.setdefault(base.p[:, 0].tobytes() if self.curved else b"", [])
+        # Where tolerances are wide or numbers far off, responses at other values do not hold at these.
+        elsewhere = self.curved or _far(base.p[:, 0], self.simulator.numbers)
+        done = self._done.setdefault(base.p[:, 0].tobytes() if elsewhere else b"", [])
         spread = np.array([np.ptp(u) or 1.0 for u in self._u])[:, None]
         size = np.array([abs(v) or 1.0 for v in self.simulator.numbers])
         changes = []
@@ -247,7 +249,9 @@ class PredictedEvidence(StretchEvidence):
         most = max(float(np.linalg.norm(c)) for c in changes)
         if not most > 0.0:
             return known
-        found = []
+        if _far(drive.p[:, 0], base.p[:, 0]):
+            return self._ran(x0, drive.u, drive.p)
+        found: list[np.ndarray] = []
         for k, change in enumerate(changes):
             if not (done and np.any(change)):
                 found.append(known[k])
@@ -256,7 +260,10 @@ class PredictedEvidence(StretchEvidence):
                 continue
             columns = np.stack([w[k] for w, _ in done], axis=1)
             share = np.linalg.lstsq(columns, change, rcond=1e-6)[0]
-            if np.linalg.norm(change - columns @ share) > ALREADY * max(float(np.linalg.norm(change)), 0.1 * most):
+            wanted = max(float(np.linalg.norm(change)), 0.1 * most)
+            # Known responses that nearly cancel would leave more of their errors than there is to know.
+            cancelled = ALREADY * float(np.abs(share) @ np.linalg.norm(columns, axis=0)) > wanted
+            if cancelled or np.linalg.norm(change - columns @ share) > ALREADY * wanted:
                 break
             found.append(known[k] + np.tensordot(share, np.stack([y[k] for _, y in done]), axes=1))
         else:
@@ -306,6 +313,12 @@ class PredictedEvidence(StretchEvidence):
             self.simulated += found.evaluations / (4.0 * self.substeps)
             self._responses[key] = found
         return self._responses[key]
+
+
+def _far(p: np.ndarray, q: np.ndarray) -> bool:
+    """Return whether a number differs by more than a factor of e, or in sign: nothing is straight on the way."""
+    ratio = np.divide(p, q, out=np.ones_like(p), where=q != 0.0)
+    return not np.all((ratio * math.e >= 1.0) & (ratio <= math.e))
 
 
 def named(active: Active, numbers: np.ndarray) -> str:

@@ -64,9 +64,9 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     found: Estimates = {}
     for k, (name, p) in enumerate(slots):
         value = float(phi[k])
-        wide = reach * float(np.hypot(np.sqrt(variance[k]), FORM_LOCAL * value))
+        wide = reach * float(np.hypot(np.sqrt(variance[k]), FORM_LOCAL * p.size(value)))
         known = bool(np.any(D[:, k]))
-        ci = (max(p.lower, value - wide), min(p.upper, value + wide)) if known else (-np.inf, np.inf)
+        ci = p.interval(value, wide) if known else (-np.inf, np.inf)
         found.setdefault(name, {})[p.name] = ParameterEstimate(value, p.unit, ci)
     return found
 
