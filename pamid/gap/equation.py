@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from ..errors import PamidError, ShortTrajectoryError
+from ..errors import ShortTrajectoryError
 from ..signals.roles import STATE_ROLES
 from ..simulators.base import Simulator
 from ..simulators.problem import Problem, joined
@@ -20,9 +20,8 @@ from .engine import explain
 from .one_equation import Gathered, Measured, gather, library_for, outward
 from .residuals.single import SignalEvidence
 from .several.conditions import Conditions, conditions_of
-from .several.engine import explained, refuse_twice, sized
-from .several.stacked import Log, StackedEvidence
-from .several.variants import Variants
+from .several.engine import naming, refuse_twice, sized, together
+from .several.stacked import Log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -122,11 +121,8 @@ def _of_logs(
     under, of_run = dict[str, Simulator](), dict[str, int]()
     for k, ((name, log), conditions) in enumerate(zip(logs.items(), held, strict=True)):
         here = conditions.under(simulator)
-        try:
+        with naming(name):
             here.problem(log)
-        except PamidError as error:
-            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
-            raise
         runs = [f"{name}: {run}" for run in log["trajectory"]]
         of_run |= dict.fromkeys(runs, k)
         key = repr(sorted(conditions.numbers.items()))
@@ -141,24 +137,19 @@ def _several(
     library: Sequence[str], sense: str | int, rng: np.random.RandomState, say: Callable[[str], None],
 ) -> tuple[Diagnosis, Gathered]:  # fmt: skip
     """Return the joint diagnosis of several logs in typical units: causes are shared unless one came or went."""
-    from threadpoolctl import threadpool_limits
-
     refuse_twice(logs)
     without, notes = m.checked()
     gathered = gather(m, library, sense, without)
-    names, days, each = list(logs), [c.day for c in held], list[Log]()
-    for k, name in enumerate(names):
+    each = list[Log]()
+    for k, (name, c) in enumerate(zip(logs, held, strict=True)):
         rows = np.flatnonzero(owner == k)
         one = m.evidence(gathered.scaling, slice(rows[0], rows[-1] + 1), without)
         one.assume(gathered.noise / abs(gathered.scaling.target))
         one.weights, one.stretch = gathered.evidence.weights, gathered.evidence.stretch
         one.trajectories = [run.removeprefix(f"{name}: ") for run in one.trajectories]
-        each.append(Log(name, one, days[k]))
-    variants = Variants(library, gathered.evidence.effects, names, days)
-    stack = StackedEvidence(each, variants)
-    with threadpool_limits(1):
-        found, _ = explained(stack, stack, variants, [*_heard(gathered), *notes], rng, say)
-    sizes = {name: (len(log), log["trajectory"].nunique()) for name, log in logs.items()}
+        each.append(Log(name, one, c.day))
+    found, *_ = together(each, library, gathered.evidence.effects, [*_heard(gathered), *notes], rng, say)
+    sizes = [(len(log), log["trajectory"].nunique()) for log in logs.values()]
     return replace(found, logs=sized(found.logs, sizes, held)), gathered
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...effects import Effect
 from ...effects.registry import chosen_effects
 from ...equations.log import BenchLog
-from ...errors import IncompatibleError
+from ...errors import IncompatibleError, PamidError
 from ...signals.readings import run_marks
 from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import Verdict, decide
@@ -55,78 +57,87 @@ def diagnose_bench_logs(
     for name, one in zip(names, each, strict=True):
         notes += [f"{name}: {text}" for text in notes_on(one)[1:]]
     notes = list(dict.fromkeys([*notes_on(each[0])[:1], *notes]))
-    days = [c.day for c in held]
-    variants = Variants(library, each[0].effects, names, days)
-    stack = _stack(names, each, days, variants)
-    searched = stack
+
+    def as_logs(some: Sequence[Evidence]) -> list[Log]:
+        return [Log(n, e, c.day) for n, e, c in zip(names, some, held, strict=True)]
+
+    fewer = list[Log]()
     if (rows := sum(len(t) for t in whole)) > SEARCH_ROWS:
         part = [t.whole(max(1, SEARCH_ROWS * len(t) // rows)) for t in whole]
-        fewer = [Evidence(t, c.under(params)) for t, c in zip(part, held, strict=True)]
-        searched = _stack(names, fewer, days, variants)
+        fewer = as_logs([Evidence(t, c.under(params)) for t, c in zip(part, held, strict=True)])
         notes.append(f"Causes were searched in {sum(map(len, part)):,} rows, and fitted to {rows:,}.")
-    random_state = np.random.RandomState(seed)
-    if not stack.equations:
-        return untested(stack, library, notes)
+    rng = np.random.RandomState(seed)
+    found, verdict, stack = together(as_logs(each), library, each[0].effects, notes, rng, say, fewer)
+    if verdict is None:
+        return found
+    last = len(each) - 1
     with threadpool_limits(1):
-        found, verdict = explained(stack, searched, variants, notes, random_state, say)
-        last = len(each) - 1
         experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
-        found = replace(found, next_experiment=experiment)
-    sizes = {n: (len(t), len(t.trajectories)) for n, t in zip(names, tables, strict=True)}
-    return replace(found, logs=sized(found.logs, sizes, held))
+    sizes = [(len(t), len(t.trajectories)) for t in tables]
+    return replace(found, next_experiment=experiment, logs=sized(found.logs, sizes, held))
 
 
-def explained(
-    stack: StackedEvidence,
-    searched: StackedEvidence,
-    variants: Variants,
+def together(
+    logs: Sequence[Log],
+    library: Sequence[str],
+    effects: Mapping[str, type[Effect]],
     notes: list[str],
     random_state: np.random.RandomState,
     say: Callable[[str], None],
-) -> tuple[Diagnosis, Verdict]:
-    """Return the joint diagnosis of several logs, with each log's parameters, and the decision."""
-    competition = Competition(searched, variants.library, say)
-    outcome = competition.run()
-    verdict = decide(competition, outcome, random_state)
-    say("measure the closure")
-    found = answer(stack, competition, verdict, notes, random_state, say)
-    say("compare the logs")
-    return merged(found, stack, competition, verdict, variants), verdict
+    searched: Sequence[Log] = (),
+) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
+    """Return the joint diagnosis of logs, with each log's parameters, the decision if any, and the stacked evidence.
+
+    Causes are searched in parts of the logs where these are given.
+    """
+    from threadpoolctl import threadpool_limits
+
+    names, _, days = zip(*logs, strict=True)
+    variants = Variants(library, effects, names, days)
+    stack = StackedEvidence(logs, variants)
+    if not stack.equations:
+        return untested(stack, library, notes), None, stack
+    with threadpool_limits(1):
+        part = StackedEvidence(searched, variants) if searched else stack
+        competition = Competition(part, variants.library, say)
+        verdict = decide(competition, competition.run(), random_state)
+        say("measure the closure")
+        found = answer(stack, competition, verdict, notes, random_state, say)
+        say("compare the logs")
+        return merged(found, stack, competition, verdict, variants), verdict, stack
 
 
-def sized(
-    logs: Sequence[LogFinding], sizes: Mapping[str, tuple[int, int]], held: Sequence[Conditions]
-) -> list[LogFinding]:
+def sized(logs: Sequence[LogFinding], sizes: Sequence[tuple[int, int]], held: Sequence[Conditions]) -> list[LogFinding]:
     """Return the findings for each log, with its rows, runs and conditions."""
     return [
-        replace(f, rows=sizes[f.log][0], trajectories=sizes[f.log][1], conditions=dict(c.numbers))
-        for f, c in zip(logs, held, strict=True)
+        replace(f, rows=rows, trajectories=runs, conditions=dict(c.numbers))
+        for f, (rows, runs), c in zip(logs, sizes, held, strict=True)
     ]
 
 
-def _stack(names: Sequence[str], each: Sequence[Evidence], days: Sequence[str], variants: Variants) -> StackedEvidence:
-    stacked = [Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)]
-    return StackedEvidence(stacked, variants)
+@contextmanager
+def naming(log: str) -> Iterator[None]:
+    """Let an error begin with the name of a log."""
+    try:
+        yield
+    except PamidError as error:
+        error.args = (f"{log}: {error.args[0]}", *error.args[1:]) if error.args else (log,)
+        raise
 
 
 def _tables(
     logs: Mapping[str, pd.DataFrame], params: BenchParameters, held: Sequence[Conditions]
 ) -> tuple[list[BenchLog], list[str]]:
     """Return the logs without the readings of stuck sensors, and notes; an error names its log."""
-    from ...errors import PamidError
-
     refuse_twice(logs)
     tables: list[BenchLog] = []
     notes: list[str] = []
     for (name, log), conditions in zip(logs.items(), held, strict=True):
-        try:
+        with naming(name):
             # A joint at rest shows offsets, leaks and loads, beside logs of motion.
             bench_log, last = BenchLog.of(log), name == list(logs)[-1]
             told = check(bench_log, conditions.under(params), moving=last and not any(map(moves, tables)))
             table, stuck = without_stuck(bench_log)
-        except PamidError as error:
-            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
-            raise
         tables.append(table)
         notes += [f"{name}: {text}" for text in [*told, *stuck]]
     return tables, notes

@@ -8,19 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...errors import IncompatibleError, PamidError
+from ...errors import IncompatibleError
 from ...simulators.base import Simulator
 from ...simulators.catalogue import chosen
 from ...simulators.sizes import SignalSizes
-from ..diagnosis.answer import untested
 from ..diagnosis.result import Diagnosis
 from ..readings import settled
 from ..residuals.ports import PortEvidence
 from ..simulated import evidence_of, learn, outward
 from .conditions import Conditions, conditions_of
-from .engine import explained, refuse_twice, sized
-from .stacked import Log, StackedEvidence
-from .variants import Variants
+from .engine import naming, refuse_twice, sized, together
+from .stacked import Log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,16 +47,14 @@ def diagnose_port_logs(
         say("estimate what could be explained")
         for one, some in zip(each, kept, strict=True):
             learn(one, [k for k in library if k in some])
-        days = [c.day for c in held]
-        variants = Variants(library, {k: p.effect for k, p in places.items()}, names, days)
-        stack = StackedEvidence([Log(n, e, d) for n, e, d in zip(names, each, days, strict=True)], variants)
         notes = [f"The residuals are {each[0].how}."]
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
-        if not stack.equations:
-            return untested(stack, library, notes)
-        found, _ = explained(stack, stack, variants, notes, np.random.RandomState(seed), say)
-    sizes = {n: (e.log.n, len(e.log.names)) for n, e in zip(names, each, strict=True)}
-    found = replace(found, logs=sized(found.logs, sizes, held))
+    known, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
+    stacked = [Log(n, e, c.day) for n, e, c in zip(names, each, held, strict=True)]
+    found, verdict, stack = together(stacked, library, known, notes, rng, say)
+    if verdict is None:
+        return found
+    found = replace(found, logs=sized(found.logs, [(e.log.n, len(e.log.names)) for e in each], held))
     return outward(found, each[-1], stack)
 
 
@@ -67,11 +63,8 @@ def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequ
     found: list[PortEvidence] = []
     longest = max(logs, key=lambda name: len(logs[name]))
     for (name, log), conditions in zip(logs.items(), held, strict=True):
-        try:
+        with naming(name):
             found.append(evidence_of(log, conditions.under(simulator), refit=name == longest))
-        except PamidError as error:
-            error.args = (f"{name}: {error.args[0]}", *error.args[1:]) if error.args else (name,)
-            raise
     if len({type(e) for e in found}) > 1:  # the log with the fewest states decides how all are evaluated
         found = [
             evidence_of(log, c.under(simulator), refit=name == longest, simulated=True)
