@@ -101,9 +101,12 @@ def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
 
 
 def _told(short: dict[str, float], name: str) -> str:
-    from ..report.quantities import equation, listed, percent
+    from ..report.quantities import listed, percent
+    from ..report.words import BENCH
 
-    return f"{name} closes {listed([f'{percent(share)} of the gap in {equation(e)}' for e, share in short.items()])}"
+    return (
+        f"{name} closes {listed([f'{percent(share)} of the gap in {BENCH.equation(e)}' for e, share in short.items()])}"
+    )
 
 
 def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], None]) -> list[str]:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect, Parameter, all_effects
 from ..simulators.dimensions import unit_powers
-from .quantities import amount, effect, listed, number_of, parameter, placed, places, said_at, span
+from .quantities import amount, effect, listed, parameter, placed, places, said_at, span
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause, ParameterEstimate
+    from .words import Words
 
 Estimates = Mapping[str, "ParameterEstimate"]
 
@@ -34,15 +35,15 @@ def _parameter(name: str) -> str:
     return f"{of_model[1]} of {of_model[2]}" if of_model else f"parameter {name}"
 
 
-def cause_names(cause: Cause) -> list[str]:
+def cause_names(cause: Cause, words: Words) -> list[str]:
     """Return the effects of a cause as words, with the ports at which they act; the same physics only once."""
-    return [named(name, port) for name, port, _ in _alternatives(cause)]
+    return [named(name, port) for name, port, _ in _alternatives(cause, words)]
 
 
-def either(cause: Cause) -> str:
+def either(cause: Cause, words: Words) -> str:
     """Return what a cause may be, in a few words, each place said once."""
     at: dict[str, list[str]] = {}
-    for name, port, _ in _alternatives(cause):
+    for name, port, _ in _alternatives(cause, words):
         if name in (DEVIATION, DRIFT):
             at[named(name, port)] = []
         else:
@@ -55,7 +56,7 @@ def causes_listed(causes: list[str]) -> str:
     return "; ".join(causes) if any(" or " in c or " and " in c for c in causes) else listed(causes)
 
 
-def _alternatives(cause: Cause) -> list[tuple[str, str, Estimates]]:
+def _alternatives(cause: Cause, words: Words) -> list[tuple[str, str, Estimates]]:
     """Return names, ports and parameters of a cause's alternatives.
 
     A wrong parameter and an effect in its unit, of the size by which it is wrong, are the same physics: damping and
@@ -64,7 +65,9 @@ def _alternatives(cause: Cause) -> list[tuple[str, str, Estimates]]:
     sizes = [cause.parameters, *cause.others]
     sizes += [{}] * (len(cause.effects) - len(sizes))
     found: list[tuple[str, str, Estimates]] = list(zip(cause.effects, places(cause), sizes, strict=True))
-    wrong = [(number_of(port), p["deviation"]) for name, port, p in found if name == DEVIATION and "deviation" in p]
+    wrong = [
+        (words.numbers.get(port), p["deviation"]) for name, port, p in found if name == DEVIATION and "deviation" in p
+    ]
     deviations = [(n.unit, n.value * p.value) for n, p in wrong if n is not None]
     kept = [one for one in found if one[0] == DEVIATION or not _same(one[2], deviations)]
     return sorted(kept, key=lambda one: one[0] != DEVIATION) if len(kept) < len(found) else found
@@ -84,15 +87,19 @@ def _unit(unit: str) -> dict[str, int]:
 
 
 # --- sizes --------------------------------------------------------------------------------------------------
-def size(cause: Cause, full: bool = False) -> str:
+def size(cause: Cause, words: Words, full: bool = False) -> str:
     """Return the size of a cause's likeliest alternative; `full` says what its interval is."""
-    name, port, sizes = _alternatives(cause)[0]
-    told = [_deviation(port, sizes["deviation"], full)] if name == DEVIATION and "deviation" in sizes else []
+    name, port, sizes = _alternatives(cause, words)[0]
+    told = (
+        [_deviation(words.numbers.get(port), sizes["deviation"], full)]
+        if name == DEVIATION and "deviation" in sizes
+        else []
+    )
     kind = _effect(name)
     for word, p in () if told else _telling(kind, sizes):
         unit = shown_unit(name, word, p.unit, port)
-        words = f"{parameter(word)} {amount(p.value, unit)}{_interval(p, unit, full)}"
-        told.append(f"{words}, which is {p.physical}" if p.physical else words)
+        one = f"{parameter(word)} {amount(p.value, unit)}{_interval(p, unit, full)}"
+        told.append(f"{one}, which is {p.physical}" if p.physical else one)
     return ", ".join(told)
 
 
@@ -108,9 +115,8 @@ def _interval(p: ParameterEstimate, unit: str, full: bool) -> str:
     return f" ({'90 % interval ' if full else ''}{within}{bound})"
 
 
-def _deviation(name: str, p: ParameterEstimate, full: bool) -> str:
-    """Return a wrong parameter's value, and the simulator's."""
-    own = number_of(name)
+def _deviation(own: Any, p: ParameterEstimate, full: bool) -> str:
+    """Return a wrong parameter's value, and the simulator's own parameter's."""
     if own is None or not math.isfinite(p.value):
         return f"off by {amount(p.value, '-')}{_interval(p, '-', full)}"
     unit = "" if own.unit == "-" else own.unit

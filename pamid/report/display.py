@@ -7,7 +7,6 @@ from html import escape
 from typing import TYPE_CHECKING, Any, Self
 
 from ..errors import ParameterError, UnknownOptionError
-from .quantities import names_of
 from .sentences import answers
 
 if TYPE_CHECKING:
@@ -123,8 +122,7 @@ class GapDisplay:
         if kind not in KINDS:
             raise UnknownOptionError(f"There is no picture {kind!r}.", f"one of {', '.join(KINDS)}", "Correct it.")
         self.kind_ = kind
-        with names_of(self.diagnosis):
-            self.figure_ = _drawn(self.diagnosis, kind, equation, options)
+        self.figure_ = _drawn(self.diagnosis, kind, equation, options)
         self.axes_ = list(self.figure_.axes)
         return self
 

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from .quantities import amount, equation
+from .quantities import amount
+from .words import Words
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.result import Diagnosis
@@ -65,8 +66,6 @@ def _unit(d: Diagnosis) -> str:
         gain = r * float(np.std(y) / np.std(x))
         power = round(math.log10(gain)) if gain > 0 else 0
         if power and r**2 > _TOLD and abs(gain / 10.0**power - 1.0) < NEAR:
-            return (
-                f"Is a unit wrong? What was measured of the {equation(str(name))} moves {gain:.3g} times as far as "
-                "what the simulator gives."
-            )
+            what = f"What was measured of the {Words.of(d).equation(str(name))}"
+            return f"Is a unit wrong? {what} moves {gain:.3g} times as far as what the simulator gives."
     return ""

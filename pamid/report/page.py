@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
-from .quantities import names_of, typeset
+from .quantities import typeset
 from .sections import Section, Source, all_sections
 
 if TYPE_CHECKING:
@@ -57,15 +57,14 @@ def report_html(
     environment = _environment()
     sections = [cls(diagnosis, source) for cls in all_sections()]
     parts: list[dict[str, Any]] = []
-    with names_of(diagnosis):
-        shown = [s for s in sections if s.shown()]
-        if (expect := getattr(progress, "expect", None)) is not None:
-            expect(len(shown))
-        for s in shown:
-            body = Markup(_template(environment, s).render(s.content()))
-            parts.append({"name": s.name, "title": s.heading(), "body": body})
-            if progress is not None:
-                progress(s.name)
+    shown = [s for s in sections if s.shown()]
+    if (expect := getattr(progress, "expect", None)) is not None:
+        expect(len(shown))
+    for s in shown:
+        body = Markup(_template(environment, s).render(s.content()))
+        parts.append({"name": s.name, "title": s.heading(), "body": body})
+        if progress is not None:
+            progress(s.name)
     style = Markup((_TEMPLATES / "page.css").read_text(encoding="utf-8"))
     return environment.get_template("page.html").render(sections=parts, source=source, style=style)
 

@@ -4,19 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
-from contextvars import ContextVar
-from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from ..plots.style import SHOWN
 from ..simulators.between import ends_of
-from ..simulators.dimensions import unit_powers
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause
-    from ..gap.diagnosis.result import Diagnosis
 
 NOT_EFFECTS = ("none", "unknown")
 """Candidates that are no effects."""
@@ -65,90 +59,6 @@ SIGNALS = {
 """Signals of a log and what follows from them."""
 
 
-class _Spoken(NamedTuple):
-    """What words need to know of a diagnosis: its simulator's ports, parameters, and units of its equations."""
-
-    ports: Mapping[str, str] = MappingProxyType({})
-    joints: frozenset[str] = frozenset()
-    numbers: Mapping[str, Any] = MappingProxyType({})
-    units: Mapping[str, str] = MappingProxyType({})
-
-
-_SILENT = _Spoken()
-_SPOKEN: ContextVar[_Spoken] = ContextVar("spoken", default=_SILENT)
-
-
-@contextmanager
-def names_of(diagnosis: Diagnosis) -> Iterator[None]:
-    """Let signals, equations and parameters have the names and units of the simulator's ports, where it has any.
-
-    `u` is then what that simulator calls `u`, and not the command of a valve.
-    """
-    ports = () if getattr(diagnosis.nominal, "states_equation", True) else diagnosis.nominal.ports
-    numbers = diagnosis.nominal.parameters if ports else {}
-    units = {e.equation: e.unit for e in diagnosis.equations} if ports else {}
-    joints = frozenset(p.name for p in ports if p.kind == "joint")
-    token = _SPOKEN.set(_Spoken({p.name: p.unit for p in ports}, joints, numbers, units))
-    try:
-        yield
-    finally:
-        _SPOKEN.reset(token)
-
-
-def of_port(name: str) -> bool:
-    """Return whether a signal is that of a port, see `names_of`."""
-    return name in _SPOKEN.get().ports
-
-
-def is_at_ports(equation: str) -> bool:
-    """Return whether an equation is one of a simulator with ports, see `names_of`."""
-    return equation in _SPOKEN.get().units
-
-
-def number_of(name: str) -> Any:
-    """Return the parameter of the simulator of a name; None where there is none."""
-    return _SPOKEN.get().numbers.get(name)
-
-
-RESIDUALS = {
-    "force": "force error",
-    "flow": "flow error",
-    "valve": "valve flow error",
-    "joint": "torque error",
-    "gas_valve": "valve flow error",
-    "joint_modelled": "torque error",
-}
-"""What an equation's residual is called."""
-
-
-_AT_A_JOINT = {"N m": "torque", "N": "force"}
-"""What acts at a joint, by its unit; in any other it is a drive."""
-
-
-def equation(name: str) -> str:
-    """Return what an equation is called: a bench's by its title, that of ports by what it balances."""
-    from ..equations import all_equations
-
-    spoken, known = _SPOKEN.get(), all_equations()
-    if not is_at_ports(name):
-        return known[name].title() if name in known else name
-    unit, own = spoken.units[name], spoken.ports.get(name, "")
-    if name in spoken.joints or (unit in _AT_A_JOINT and unit != own):
-        return f"{_AT_A_JOINT.get(unit, 'drive')} at {name}"
-    if unit_powers(unit) == unit_powers(f"{own}/s"):
-        return f"rate of {name}"
-    twice = unit_powers(unit) == unit_powers(f"{own}/s^2") or unit in ("m/s^2", "rad/s^2")
-    return f"acceleration of {name}" if twice and unit != own else name
-
-
-def in_equation(name: str) -> str:
-    """Return in which equation something is: ``in the force equation``, ``in the torque at hinge``, ``in y``."""
-    told = equation(name)
-    if not is_at_ports(name):
-        return f"in the {told} equation"
-    return f"in {told}" if told == name else f"in the {told}"
-
-
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
 
@@ -161,58 +71,6 @@ def typeset(text: str) -> str:
 
 NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii")
 """Words in names of effects that are names of people."""
-
-
-def signal(name: str) -> DisplayedQuantity:
-    """Return a signal by its column, ``eps1`` or ``eps`` alike; that of a port as its simulator has it."""
-    if of_port(name):
-        unit = _SPOKEN.get().ports[name]
-        return DisplayedQuantity(name, 1.0, "" if unit == "-" else unit)
-    bare = re.sub(r"[12]$", "", name)
-    known = SIGNALS.get(name) or SIGNALS.get(bare)
-    if known is None:
-        return DisplayedQuantity(name, 1.0, "")
-    muscle = name[len(bare) :]
-    return known._replace(words=f"{known.words} of muscle {muscle}") if muscle and bare in SIGNALS else known
-
-
-def residual(equation: str, unit: str) -> DisplayedQuantity:
-    """Return an equation's residual as people read it."""
-    of = target(equation, unit)
-    return DisplayedQuantity(residual_words(equation, of.words), of.factor, of.unit)
-
-
-def error(equation: str, unit: str) -> DisplayedQuantity:
-    """Return an equation's residual as an axis has it, below which a caption says of what: a port's would be long."""
-    found = residual(equation, unit)
-    return found._replace(words="error") if is_at_ports(equation) else found
-
-
-def residual_words(name: str, words: str = "") -> str:
-    """Return what the residual of an equation is called."""
-    if is_at_ports(name):
-        told = equation(name)
-        return f"error of {told}" if told == name else f"error of the {told}"
-    return f"{words or target(name, '').words} error" if name == "torque" else RESIDUALS.get(name, f"{name} error")
-
-
-_TARGETS = {
-    "force": "force",
-    "flow": "mass flow",
-    "valve": "mass flow of the valve",
-    "gas_valve": "mass flow of the valve",
-    "joint": "torque",
-    "joint_modelled": "torque",
-    "torque": "torque",
-}
-
-
-def target(name: str, unit: str) -> DisplayedQuantity:
-    """Return the measured side of an equation as people read it; a torque in another unit than N m is a drive."""
-    factor, shown = SHOWN.get(unit, (1.0, unit))
-    words = "drive" if name == "torque" and unit not in ("", "N m") else _TARGETS.get(name, name)
-    words = equation(name) if is_at_ports(name) else words
-    return DisplayedQuantity(words, factor, "" if shown == "drive unit" else shown)
 
 
 def effect(name: str) -> str:

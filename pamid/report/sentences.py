@@ -14,16 +14,12 @@ from .quantities import (
     amount,
     at_least,
     effect,
-    equation,
-    in_equation,
     listed,
-    names_of,
-    of_port,
     percent,
     probability,
     share_span,
-    signal,
 )
+from .words import BENCH, Words
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
@@ -94,10 +90,9 @@ def answers(diagnosis: Diagnosis) -> Answers:
     >>> answers(diagnose(log, nominal, ["leakage"])).verdict
     'One cause: leakage'
     """
-    with names_of(diagnosis):
-        asked = question(diagnosis)
-        first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
-        return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
+    asked = question(diagnosis)
+    first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
+    return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
 
 
 def verdict(d: Diagnosis) -> str:
@@ -107,8 +102,8 @@ def verdict(d: Diagnosis) -> str:
     if d.verdict == "none":
         return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
     if d.families:
-        kinds = listed(list(dict.fromkeys(c.family for c in d.families)))
-        return f"A gap whose cause is unknown and acts like {kinds}: {listed([either(c) for c in d.families])}"
+        kinds, words = listed(list(dict.fromkeys(c.family for c in d.families))), Words.of(d)
+        return f"A gap whose cause is unknown and acts like {kinds}: {listed([either(c, words) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
         return "A gap whose cause is not in the library"
     return _named(d) + _more(d)
@@ -116,18 +111,19 @@ def verdict(d: Diagnosis) -> str:
 
 def _named(d: Diagnosis) -> str:
     """Return the named causes."""
+    words = Words.of(d)
     if d.verdict == "several":
         main = main_causes(d)
         few = len(d.causes) - len(main)
         beside = f"; {_count(few).lower() if few > 1 else 'one'} more of under 2 % of the gap" if few else ""
         head = f"{_count(len(main))} causes" if len(main) > 1 else "One cause"
         if all(c.with_reserve for c in main):
-            return f"{head}: {causes_listed([either(c) for c in main])}{_reserve(d, main)}{beside}"
-        told = [either(c) + (" (or something that looks like it)" if c.with_reserve else "") for c in main]
+            return f"{head}: {causes_listed([either(c, words) for c in main])}{_reserve(d, main)}{beside}"
+        told = [either(c, words) + (" (or something that looks like it)" if c.with_reserve else "") for c in main]
         return f"{head}: {causes_listed(told)}{beside}"
-    first = cause_names(d.causes[0])
+    first = cause_names(d.causes[0], words)
     if len(first) > 1:
-        return f"One cause, and this log cannot tell which: {either(d.causes[0])}{_reserve(d, d.causes)}"
+        return f"One cause, and this log cannot tell which: {either(d.causes[0], words)}{_reserve(d, d.causes)}"
     return f"One cause: {first[0]}{_reserve(d, d.causes)}"
 
 
@@ -140,7 +136,7 @@ def _more(d: Diagnosis) -> str:
     """Return that a gap is left whose cause is none of the named ones."""
     if not d.unexplained:
         return ""
-    where_left = listed([in_equation(name).removeprefix("in ") for name in d.unexplained])
+    where_left = listed([Words.of(d).in_equation(name).removeprefix("in ") for name in d.unexplained])
     return f"; and a gap in {where_left} that the library does not explain"
 
 
@@ -155,7 +151,8 @@ def _reserve(d: Diagnosis, main: list[Cause]) -> str:
 # --- where --------------------------------------------------------------------------------------------------
 def where(d: Diagnosis) -> str:
     """Return where the gap lies."""
-    names = [equation(e.equation) for e in d.equations]
+    words = Words.of(d)
+    names = [words.equation(e.equation) for e in d.equations]
     if not d.tested or (d.verdict == "none" and not names):
         return f"Unknown: no equation could be compared with the log.{_left_out(d)}"
     if d.verdict == "none":
@@ -172,13 +169,13 @@ def where(d: Diagnosis) -> str:
             break
     first = told[0].equation
     if len(told) == 1:
-        text = f"{_capital(percent(told[0].share))} of the gap is {in_equation(first)}"
+        text = f"{_capital(percent(told[0].share))} of the gap is {words.in_equation(first)}"
     else:
-        parts = [f"{equation(e.equation)} ({percent(e.share)})" for e in told]
-        bench = in_equation(first).endswith(" equation")
+        parts = [f"{words.equation(e.equation)} ({percent(e.share)})" for e in told]
+        bench = words.in_equation(first).endswith(" equation")
         text = f"The gap is in {'the equations of ' if bench else ''}{listed(parts)}"
-    part = "it" if len(told) == 1 else f"the part {in_equation(first)}"
-    return f"{text}; {_region_text(d.regions, first, part)}{_band_text(d, first)}.{_left_out(d)}"
+    part = "it" if len(told) == 1 else f"the part {words.in_equation(first)}"
+    return f"{text}; {_region_text(d.regions, first, part, words)}{_band_text(d, first)}.{_left_out(d)}"
 
 
 def _left_out(d: Diagnosis) -> str:
@@ -191,14 +188,14 @@ def _left_out(d: Diagnosis) -> str:
     combined = {name for e in together for name in e.combines}
     text = "".join(
         f" {_capital(listed(list(e.combines)))} were tested together, since the log lacks "
-        f"a {signal(e.without).words} of each muscle."
+        f"a {BENCH.signal(e.without).words} of each muscle."
         for e in together
     )
     alone = {name: why for name, why in d.not_tested.items() if name not in combined}
     return text + "".join(f" Not tested: {_sentence_end(why)}" for why in alone.values())
 
 
-def _region_text(regions: list[Region], equation: str, part: str) -> str:
+def _region_text(regions: list[Region], equation: str, part: str, words: Words) -> str:
     region = leading_region(regions, equation)
     if region is None:
         return f"{part} extends over the whole state"
@@ -206,18 +203,18 @@ def _region_text(regions: list[Region], equation: str, part: str) -> str:
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
         found = f"{percent(share)} of {part} is found in {percent(samples)} of the samples"
-        return f"{found}, most of all {_region_words(region.query)}"
+        return f"{found}, most of all {_region_words(region.query, words)}"
     return (
         f"{percent(region.share)} of {part} is found in {percent(region.samples)} of the samples, "
-        f"{_region_words(region.query)}"
+        f"{_region_words(region.query, words)}"
     )
 
 
-def _region_words(query: str) -> str:
+def _region_words(query: str, words: Words) -> str:
     """Return a region in words; of more conditions than one reads at once, the signals alone."""
     found = [_CONDITION.match(part.strip()) for part in query.split(" and ")]
-    names = list(dict.fromkeys(signal(m[1]).words for m in found if m is not None))
-    return f"in a region of {listed(names)}" if len(found) > _READABLE and names else query_words(query)
+    names = list(dict.fromkeys(words.signal(m[1]).words for m in found if m is not None))
+    return f"in a region of {listed(names)}" if len(found) > _READABLE and names else query_words(query, words)
 
 
 def leading_region(regions: list[Region], equation: str) -> Region | None:
@@ -237,7 +234,7 @@ def _band_text(d: Diagnosis, equation: str) -> str:
     return f", and {percent(band.share)} lies {place}"
 
 
-def query_words(query: str) -> str:
+def query_words(query: str, words: Words = BENCH) -> str:
     """Return a region's query in words, or as it is where it is not a plain list of conditions."""
     found = [_CONDITION.match(part.strip()) for part in query.split(" and ")]
     plain = [m for m in found if m is not None]
@@ -245,13 +242,13 @@ def query_words(query: str) -> str:
         return f"where {query}"
     # Both muscles are alike: what is said of the first one alone holds for either.
     alike = not any(m[1].endswith("2") for m in plain)
-    return f"where {listed([_condition(m[1], m[2], float(m[3]), alike) for m in plain])}"
+    return f"where {listed([_condition(m[1], m[2], float(m[3]), alike, words) for m in plain])}"
 
 
-def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
+def _condition(name: str, sign: str, limit: float, alike: bool, words: Words) -> str:
     above = sign[0] == ">"
-    if of_port(name):
-        unit = f" {signal(name).unit}".rstrip()
+    if name in words.ports:
+        unit = f" {words.signal(name).unit}".rstrip()
         return f"{name} is {'above' if above else 'below'} {limit:.3g}{unit}"
     bare, side = _SIDE.sub("", name), name[-1] if _SIDE.search(name) else ""
     if alike:
@@ -265,7 +262,7 @@ def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
         }
         if bare in moving:
             return f"{muscle} {moving[bare][0 if above else 1]}"
-    quantity = signal(name)
+    quantity = words.signal(name)
     value = f"{limit * quantity.factor:.3g}"
     unit = f" {quantity.unit}" if quantity.unit else ""
     return f"the {quantity.words.replace(', absolute', '')} is {'above' if above else 'below'} {value}{unit}"
@@ -274,6 +271,7 @@ def _condition(name: str, sign: str, limit: float, alike: bool) -> str:
 # --- which --------------------------------------------------------------------------------------------------
 def which(d: Diagnosis) -> str:
     """Return which effect causes the gap."""
+    words = Words.of(d)
     if not d.tested:
         return "No answer: there is no evidence for or against a gap."
     if d.verdict == "none":
@@ -283,7 +281,7 @@ def which(d: Diagnosis) -> str:
         silent = listed([effect(name) for name in d.cannot_show], "or")
         return f"None among those that this log can show: {text}. It cannot show {silent}."
     if d.families:
-        sizes = [f"{cause_names(c)[0]} {size(c)}".rstrip() for c in d.families]
+        sizes = [f"{cause_names(c, words)[0]} {size(c, words)}".rstrip() for c in d.families]
         it = "its form is" if len(d.families) == 1 else "their forms are"
         return f"No effect of the library explains it, even if {it} inexact. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
@@ -295,29 +293,29 @@ def which(d: Diagnosis) -> str:
             text += f": the best, {effect(best.effect)}, closes {percent(best.closed_share)} of the gap"
         depends = d.leftover.get("depends_on") or d.leftover.get("signals")
         if isinstance(depends, (list, tuple)) and depends:
-            text += f"; the remaining error depends on {listed([signal(str(s)).words for s in depends])}"
+            text += f"; the remaining error depends on {listed([words.signal(str(s)).words for s in depends])}"
         return text + "."
     if d.verdict == "several":
         return _one_a_line(d)
-    cause, names = d.causes[0], cause_names(d.causes[0])
-    certain, place = f"confidence {percent(cause.confidence)}", in_equation(cause.equation)
+    cause, names = d.causes[0], cause_names(d.causes[0], words)
+    certain, place = f"confidence {percent(cause.confidence)}", words.in_equation(cause.equation)
     if len(names) > 1:
-        text = f"Either {either(cause)}, {place} ({certain} that it is one of them)"
+        text = f"Either {either(cause, words)}, {place} ({certain} that it is one of them)"
         text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
-        return f"{text} Size: {names[0]} {told}." if (told := size(cause)) else text
-    told = size(cause, full=True)
+        return f"{text} Size: {names[0]} {told}." if (told := size(cause, words)) else text
+    told = size(cause, words, full=True)
     return f"{_capital(names[0])}, {place} ({certain}){f': {told}' if told else ''}."
 
 
 def _one_a_line(d: Diagnosis) -> str:
     """Return several causes, a line each with its size; those of under 2 % of the gap in one."""
-    main, lines = main_causes(d), []
+    main, lines, words = main_causes(d), [], Words.of(d)
     for c in main:
-        names = cause_names(c)
+        names = cause_names(c, words)
         rest = f", or {listed(names[1:], 'or')}" if len(names) > 1 else ""
-        told = f"{_capital(names[0])} {size(c)}".rstrip()
-        lines.append(f"{told}{rest}: {percent(c.share)} of the gap, {in_equation(c.equation)}.")
-    small = [cause_names(c)[0] for c in d.causes if c not in main]
+        told = f"{_capital(names[0])} {size(c, words)}".rstrip()
+        lines.append(f"{told}{rest}: {percent(c.share)} of the gap, {words.in_equation(c.equation)}.")
+    small = [cause_names(c, words)[0] for c in d.causes if c not in main]
     lines += [f"{_capital(listed(small))}: under 2 % of the gap{' each' * (len(small) > 1)}."] if small else []
     return "\n".join([*lines, f"Confidence {at_least(min(c.confidence for c in main))}{' in each' * (len(main) > 1)}."])
 
@@ -352,15 +350,15 @@ def how_far(d: Diagnosis) -> str:
     closures = sorted(d.closure, key=lambda c: (c.equation != main, -order.get(c.equation, 0.0)))
     if not closures:
         return f"How much of the gap closes could not be tested on unseen {_unseen(d)}."
-    c = closures[0]
-    it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0])) > 1 else "it"
+    c, words = closures[0], Words.of(d)
+    it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
     text = (
         f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the gap "
-        f"{in_equation(c.equation)} on unseen {_unseen(d)}: "
+        f"{words.in_equation(c.equation)} on unseen {_unseen(d)}: "
         f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     )
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
-    others = [f"{percent(o.closed_share)} {in_equation(o.equation)}" for o in rest]
+    others = [f"{percent(o.closed_share)} {words.in_equation(o.equation)}" for o in rest]
     return f"{text}; {listed(others)}." if others else f"{text}."
 
 
@@ -380,7 +378,8 @@ def _errors(d: Diagnosis) -> str:
         unit = finding.unit or (known[finding.equation].unit if finding.equation in known else "")
         if len(part) and unit:
             error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
-            lines.append(f"{equation(finding.equation)} {amount(error, unit)} at a noise of {amount(noise, unit)}")
+            name = Words.of(d).equation(finding.equation)
+            lines.append(f"{name} {amount(error, unit)} at a noise of {amount(noise, unit)}")
     return f": {listed(lines)}" if lines else ""
 
 
@@ -420,7 +419,7 @@ def _motions(run: Mapping[str, Any]) -> list[str]:
     for name in run:
         if name in ("kind", "seconds") or name.endswith(("_amplitude", "_frequency")):
             continue
-        q = signal(name)
+        q = BENCH.signal(name)
         middle = f"{run[name] * q.factor:.3g} {q.unit}".rstrip()
         if (size := run.get(f"{name}_amplitude")) is None:
             said.append(f"{q.words} held at {middle}")

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..plots.curves import drawn
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
-from ..report.quantities import signal
+from ..report.words import BENCH
 from ..signals.thinning import spaced
 from .coverage import Coverage, smoothed
 
@@ -24,7 +24,7 @@ def coverage_picture(log: pd.DataFrame, c: Coverage) -> Figure:
     across = c.position or "time"
     up = c.pressure or c.target or next(str(n) for n in log.columns if n not in ("trajectory", "time"))
     part = log[[across, up]].dropna().iloc[spaced(len(log), _MOST_POINTS)]
-    x, y = signal(across), signal(up)
+    x, y = BENCH.signal(across), BENCH.signal(up)
     with style():
         figure, axes = new_figure(4.6, 3.2)
         ax = axes[0, 0]
@@ -42,7 +42,7 @@ def run_picture(log: pd.DataFrame, c: Coverage) -> Figure:
     with style():
         figure, axes = new_figure(4.6, 0.8 + 1.1 * len(names), len(names), 1, sharex=True)
         for ax, name in zip(axes[:, 0], names, strict=True):
-            q = signal(name)
+            q = BENCH.signal(name)
             ax.plot(*drawn(time, q.factor * run[name].to_numpy(dtype=float)), color=BLUE, linewidth=0.9)
             ax.set_ylabel(f"{name} / {q.unit}" if q.unit else name)
         axes[-1, 0].set_xlabel("time / s")
@@ -56,7 +56,7 @@ def speed_picture(log: pd.DataFrame, c: Coverage) -> Figure | None:
     rates = [one.rate for one in smoothed(log, c.position)]
     if not rates:
         return None
-    q = signal(c.position)
+    q = BENCH.signal(c.position)
     rate = np.concatenate(rates) * q.factor
     edge = float(np.quantile(np.abs(rate), 0.995))
     bins = np.linspace(-edge, edge, 41)

@@ -19,7 +19,7 @@ from pamid.report.drawings.maps import bounds, map_figure
 from pamid.report.drawings.ranking import ranking_figure
 from pamid.report.drawings.spectrum import spectrum_figure, worse_bands
 from pamid.report.drawings.windows import telling_trajectories
-from pamid.report.quantities import target
+from pamid.report.words import BENCH
 
 
 # --- pictures -----------------------------------------------------------------------------------------------
@@ -100,7 +100,7 @@ def test_measured_and_simulated_stand_on_one_scale(diagnoses):
     assert fit(part, "after") > fit(part, "before")
     error = np.sqrt(np.mean(part["before"] ** 2)) / np.std(part["measured"])
     assert fit(part, "before") == pytest.approx(100 * (1 - error))
-    assert target("torque", "V").label == "drive / V" and target("torque", "N m").label == "torque / N m"
+    assert BENCH.target("torque", "V").label == "drive / V" and BENCH.target("torque", "N m").label == "torque / N m"
 
 
 def test_the_waterfall_adds_up(diagnoses):

@@ -14,7 +14,6 @@ from pamid.plots.curves import drawn
 from pamid.report import GapDisplay, report_html
 from pamid.report.drawings.maps import axes_of
 from pamid.report.drawings.readings import readings_figure
-from pamid.report.quantities import names_of
 from pamid.simulators import FunctionSimulator, Port
 
 JUMP = 3.0
@@ -49,16 +48,14 @@ def test_axes_say_what_the_equation_is_and_what_the_error_depends_on(found: Diag
     display = GapDisplay.from_diagnosis(found)
     (course,) = display.plot("course").axes_
     assert course.get_ylabel() == "acceleration of q / (rad/s²)"
-    with names_of(found):
-        assert axes_of(found, "q")[0][0] == "w", "friction depends on the speed"
+    assert axes_of(found, "q")[0][0] == "w", "friction depends on the speed"
     loop, over_time = display.plot("loop").axes_
     assert (loop.get_xlabel(), loop.get_ylabel()) == ("w / (rad/s)", "error / (rad/s²)")
     assert over_time.get_xlabel() == "time / s"
 
 
 def test_a_reading_that_jumps_for_one_row_is_seen(found: Diagnosis) -> None:
-    with names_of(found):
-        figure = readings_figure(found, "run 0")
+    figure = readings_figure(found, "run 0")
     assert figure is not None
     command, angle, speed = figure.axes
     assert [ax.get_title(loc="left") for ax in figure.axes] == ["u / N m", "q / rad", "w / (rad/s)"]

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, SKY, new_figure, style
 from ..causes import either
-from ..quantities import residual, typeset
+from ..quantities import typeset
+from ..words import Words
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -39,7 +40,7 @@ def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
     Squares add up where root mean squares do not, so that the bars are shares of the mean square error.
     """
     closure = chosen_closure(d, equation)
-    quantity = residual(closure.equation, closure.unit)
+    quantity = Words.of(d).residual(closure.equation, closure.unit)
     bars = waterfall(d, closure)
     with style():
         figure, axes = new_figure(5.2, 0.75 + 0.3 * len(bars))
@@ -87,7 +88,7 @@ def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
 
 def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
     """Return the bars of one equation: before, what each cause takes away, what is left: unexplained and noise."""
-    quantity = residual(closure.equation, closure.unit)
+    quantity = Words.of(d).residual(closure.equation, closure.unit)
 
     def shown(value: float) -> str:
         return typeset(f"{quantity.factor * value:.3g} {quantity.unit}")
@@ -103,7 +104,7 @@ def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
     parts = taken * (weights / weights.sum() if weights.sum() > 0 else np.full(len(own), 1.0 / max(len(own), 1)))
     level = 1.0
     for cause, part in zip(own, parts, strict=True):
-        bars.append(Bar(f"− {either(cause)}", level, level - part, BLUE, f"−{100 * part:.0f} %"))
+        bars.append(Bar(f"− {either(cause, Words.of(d))}", level, level - part, BLUE, f"−{100 * part:.0f} %"))
         level -= part
     bars.append(Bar("after", 0.0, after, SKY, shown(closure.rmse_after)))
     if after > noise:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...plots.curves import drawn
 from ...plots.style import BLUE, INK, ORANGE, new_figure, style
-from ..quantities import target
+from ..words import Words
 from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def course_figure(
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)
-    quantity = target(equation, unit_of(d, equation))
+    quantity = Words.of(d).target(equation, unit_of(d, equation))
     time, measured = part["time"].to_numpy(dtype=float), part["measured"].to_numpy(dtype=float)
     with style():
         figure, axes = new_figure(5.2, 2.7)
@@ -51,7 +51,7 @@ def course_figure(
 
 def shared_limits(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple[float, float]:
     """Return the ends of one axis on which several runs find room, in the unit shown."""
-    factor = target(equation, unit_of(d, equation)).factor
+    factor = Words.of(d).target(equation, unit_of(d, equation)).factor
     values = []
     for name in trajectories:
         part = of_trajectory(d, equation, name)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...plots.curves import drawn
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
-from ..quantities import error, is_at_ports, signal
+from ..words import Words
 from .windows import (
     chosen_equation,
     of_equation,
@@ -49,15 +49,16 @@ def loop_figure(
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)
-    quantity = error(equation, unit_of(d, equation))
+    words = Words.of(d)
+    quantity = words.error(equation, unit_of(d, equation))
     across = _across(d, part, equation)
     with style():
         figure, axes = new_figure(4.3, 3.9, 2, 1, height_ratios=(1.7, 1.0))
         loop, course = axes[:, 0]
-        _draw(loop, part, across, quantity.factor, states(d))
-        loop.set_xlabel(signal(across).label)
+        _draw(loop, part, across, words.signal(across).factor, quantity.factor, states(d))
+        loop.set_xlabel(words.signal(across).label)
         loop.set_ylabel(quantity.label)
-        _draw(course, part, "time", quantity.factor, states(d))
+        _draw(course, part, "time", 1.0, quantity.factor, states(d))
         course.set_xlabel("time / s")
         course.set_ylabel(quantity._replace(words="error").label)
         for ax in (loop, course) if limits is not None else ():
@@ -69,7 +70,7 @@ def loop_figure(
 
 def _across(d: Diagnosis, part: pd.DataFrame, equation: str) -> str:
     """Return the signal over which the error is drawn: of a simulator with ports the one on which it depends most."""
-    for name in () if is_at_ports(equation) else (*_ACROSS.get(equation, ()), "eps", "P", "u"):
+    for name in () if Words.of(d).is_at_ports(equation) else (*_ACROSS.get(equation, ()), "eps", "P", "u"):
         if usable(part, name):
             x = part[name].to_numpy(dtype=float)
             if float(np.nanmax(x) - np.nanmin(x)) > _STILL.get(name, 0.0):
@@ -77,9 +78,9 @@ def _across(d: Diagnosis, part: pd.DataFrame, equation: str) -> str:
     return next((name for name in telling_ports(of_equation(d, equation)) if usable(part, name)), "time")
 
 
-def _draw(ax: Axes, part: pd.DataFrame, across: str, factor: float, names: tuple[str, ...]) -> None:
+def _draw(ax: Axes, part: pd.DataFrame, across: str, scale: float, factor: float, names: tuple[str, ...]) -> None:
     time = part["time"].to_numpy(dtype=float)
-    x = signal(across).factor * part[across].to_numpy(dtype=float)
+    x = scale * part[across].to_numpy(dtype=float)
     noise = 2 * factor * float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     ax.axhspan(-noise, noise, color=FAINT, alpha=0.6, linewidth=0, label="noise, ± 2 σ")
     ax.axhline(0.0, color=GREY, linewidth=0.5)
@@ -100,6 +101,6 @@ def _ends(part: pd.DataFrame, names: tuple[str, ...], factor: float) -> tuple[fl
 
 def shared_scale(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple[float, float]:
     """Return the ends of one axis for the residuals of several runs, in the unit shown."""
-    factor = error(equation, unit_of(d, equation)).factor
+    factor = Words.of(d).error(equation, unit_of(d, equation)).factor
     ends = [_ends(of_trajectory(d, equation, name), states(d), factor) for name in trajectories]
     return min(low for low, _ in ends), max(high for _, high in ends)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...errors import ParameterError
 from ...plots.style import INK, new_figure, style
-from ..quantities import error, is_at_ports, signal
+from ..words import Words
 from .windows import chosen_equation, of_equation, states, telling_ports, unit_of, usable
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ _CONDITION = re.compile(r"^\(*\s*(\w+?)[12]?\s*(<=|>=|<|>)\s*(-?[\d.]+(?:[eE][-+
 def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]:
     """Return the pairs of signals over which an equation can be mapped; those of its regions come first."""
     part = of_equation(d, equation)
-    known = () if is_at_ports(equation) else AXES.get(equation, AXES["force"])
+    known = () if Words.of(d).is_at_ports(equation) else AXES.get(equation, AXES["force"])
     pairs = [p for p in known if usable(part, p[0]) and usable(part, p[1])]
     regions = [set(bounds(r.query)) for r in d.regions if r.equation == equation]
     if not pairs:  # the ports of a user's own simulator
@@ -64,18 +65,26 @@ def map_figure(d: Diagnosis, equation: str | None = None, x: str | None = None, 
     part = of_equation(d, equation)
     if lacking := [name for name in (x, y) if not usable(part, name)]:
         raise ParameterError(f"{lacking[0]} does not vary in the windows.", "a signal that does", "Choose another.")
-    quantity = error(equation, unit_of(d, equation))
+    words = Words.of(d)
+    quantity = words.error(equation, unit_of(d, equation))
+    factors = words.signal(x).factor, words.signal(y).factor
     grids, edges = _grids(part, x, y, states(d))
     noise = float(np.sqrt(np.mean(part["noise"].to_numpy(dtype=float) ** 2)))
     limit = quantity.factor * max(_limit(grids), 2 * noise)  # what is within the noise must not look like a gap
     with style():
         figure, axes = new_figure(5.6, 3.0, 1, len(grids), sharex=True, sharey=True)
         for ax, grid, title in zip(axes[0], grids, states(d), strict=True):
-            cells = _draw(ax, quantity.factor * grid, edges, (x, y), limit, title if len(grids) > 1 else "")
+            cells = _draw(
+                ax,
+                quantity.factor * grid,
+                [f * e for f, e in zip(factors, edges, strict=True)],
+                limit,
+                title if len(grids) > 1 else "",
+            )
             for region in [r for r in d.regions if r.equation == equation][:1]:
-                _outline(ax, bounds(region.query), x, y)
-        axes[0, 0].set_ylabel(signal(y).label)
-        figure.supxlabel(signal(x).label, fontsize=9, color=INK)
+                _outline(ax, bounds(region.query), (x, y), factors)
+        axes[0, 0].set_ylabel(words.signal(y).label)
+        figure.supxlabel(words.signal(x).label, fontsize=9, color=INK)
         bar = figure.colorbar(cells, ax=axes[0].tolist(), label=f"mean {quantity.label}", pad=0.02, aspect=16)
         bar.outline.set_visible(False)
     return figure
@@ -108,11 +117,9 @@ def _limit(grids: list[np.ndarray]) -> float:
     return float(np.quantile(found, 0.98)) or 1.0 if len(found) else 1.0
 
 
-def _draw(
-    ax: Axes, grid: np.ndarray, edges: tuple[np.ndarray, np.ndarray], names: tuple[str, str], limit: float, title: str
-) -> Any:
+def _draw(ax: Axes, grid: np.ndarray, edges: Sequence[np.ndarray], limit: float, title: str) -> Any:
     ax.set_facecolor(_BACK)
-    x, y = (signal(name).factor * e for name, e in zip(names, edges, strict=True))
+    x, y = edges
     cells = ax.pcolormesh(x, y, grid, cmap="PuOr_r", vmin=-limit, vmax=limit, rasterized=True)
     ax.set_title(title)
     if y[0] < 0 < y[-1]:
@@ -133,15 +140,17 @@ def bounds(query: str) -> dict[str, tuple[float, float]]:
     return found
 
 
-def _outline(ax: Axes, ranges: dict[str, tuple[float, float]], x: str, y: str) -> None:
+def _outline(
+    ax: Axes, ranges: dict[str, tuple[float, float]], names: tuple[str, str], factors: tuple[float, float]
+) -> None:
     """Frame the region on a map that shows what bounds it."""
     from matplotlib.patches import Rectangle
 
-    if not {x, y} & set(ranges):
+    if not {*names} & set(ranges):
         return
     corners = []
-    for name, limits in ((x, ax.get_xlim()), (y, ax.get_ylim())):
-        low, high = (signal(name).factor * v for v in ranges.get(name, (-np.inf, np.inf)))
+    for name, factor, limits in zip(names, factors, (ax.get_xlim(), ax.get_ylim()), strict=True):
+        low, high = (factor * v for v in ranges.get(name, (-np.inf, np.inf)))
         corners.append((max(low, limits[0]), min(high, limits[1])))
     (left, right), (below, above) = corners
     if right > left and above > below:

@@ -8,7 +8,8 @@ import numpy as np
 
 from ...plots.curves import drawn
 from ...plots.style import INK, new_figure, style
-from ..quantities import SIGNALS, signal
+from ..quantities import SIGNALS
+from ..words import Words
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,11 +27,11 @@ def readings_figure(d: Diagnosis, trajectory: str) -> Figure | None:
     columns = [] if run is None else _columns(d, run)
     if run is None or not columns:
         return None
-    time = run["time"].to_numpy(dtype=float)
+    time, words = run["time"].to_numpy(dtype=float), Words.of(d)
     with style():
         figure, axes = new_figure(5.2, 0.7 + 0.8 * len(columns), len(columns), 1, sharex=True)
         for ax, (name, column) in zip(axes[:, 0], columns, strict=True):
-            quantity = signal(name)
+            quantity = words.signal(name)
             values = quantity.factor * run[column].to_numpy(dtype=float)
             ax.plot(*drawn(time - time[0], values), color=INK, linewidth=0.8)
             ax.set_title(quantity.label)

@@ -11,7 +11,8 @@ import numpy as np
 from ...errors import ShortTrajectoryError
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ...signals.thinning import spaced
-from ..quantities import error, typeset
+from ..quantities import typeset
+from ..words import Words
 from .windows import chosen_equation, states, unit_of
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ def spectrum_figure(d: Diagnosis, equation: str | None = None) -> Figure:
 
     equation = chosen_equation(d, equation)
     frequency, before, after, noise = spectra(d.windows[d.windows["equation"] == equation])
-    quantity = error(equation, unit_of(d, equation))
+    quantity = Words.of(d).error(equation, unit_of(d, equation))
     own = [b for b in d.bands if b.equation == equation]
     with style():
         figure, axes = new_figure(4.3, 2.7)

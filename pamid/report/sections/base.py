@@ -5,6 +5,8 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
+from ..words import Words
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -90,8 +92,8 @@ class Section(ABC):
     """Text of its template (jinja2); by default the file of its name in ``pamid/report/templates``."""
 
     def __init__(self, diagnosis: Diagnosis, source: Source) -> None:
-        self.diagnosis = diagnosis
-        self.source = source
+        self.diagnosis, self.source = diagnosis, source
+        self.words = Words.of(diagnosis)
 
     def shown(self) -> bool:
         """Whether the diagnosis has something for it."""

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ..drawings.course import course_figure, fit, fit_words, shared_limits
 from ..drawings.readings import readings_figure
 from ..drawings.windows import equations, of_equation, states, telling_trajectories
-from ..quantities import equation, run_named
+from ..quantities import run_named
 from .base import Section
 
 
@@ -30,7 +30,7 @@ class CourseSection(Section):
         limits = shared_limits(d, name, runs)
         pictures, readings = [], []
         for k, run in enumerate(runs):
-            caption = f"{equation(name)} in {run_named(run)}."
+            caption = f"{self.words.equation(name)} in {run_named(run)}."
             caption = f"{caption[:1].upper()}{caption[1:]}"
             pictures.append(self.picture(course_figure(d, name, run, limits), str(k), caption))
             if (figure := readings_figure(d, run)) is not None:
@@ -39,5 +39,7 @@ class CourseSection(Section):
         rows = []
         for one in equations(d):
             part = of_equation(d, one)
-            rows.append({"equation": equation(one), "fits": [fit_words(fit(part, state)) for state in states(d)]})
+            rows.append(
+                {"equation": self.words.equation(one), "fits": [fit_words(fit(part, state)) for state in states(d)]}
+            )
         return {"pictures": pictures, "readings": readings, "rows": rows, "added": bool(d.added)}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..drawings.closure import closure_figure
-from ..quantities import amount, equation, percent, residual_words, share_span
+from ..quantities import amount, percent, share_span
 from .base import Picture, Section
 
 
@@ -29,7 +29,7 @@ class HowFarSection(Section):
         d = self.diagnosis
         rows = [
             {
-                "equation": equation(c.equation),
+                "equation": self.words.equation(c.equation),
                 "before": amount(c.rmse_before, c.unit),
                 "after": amount(c.rmse_after, c.unit),
                 "noise": amount(c.noise_floor, c.unit),
@@ -44,7 +44,7 @@ class HowFarSection(Section):
             self.picture(
                 closure_figure(d, name),
                 name,
-                f"The mean square {residual_words(name)} on unseen runs: before, the part that each cause "
+                f"The mean square {self.words.residual_words(name)} on unseen runs: before, the part that each cause "
                 "removes, after, and how much of that is noise.",
             )
             for name in with_gap

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.loops import loop_figure, shared_scale
 from ..drawings.windows import equations, telling_trajectories
-from ..quantities import residual_words, run_named
+from ..quantities import run_named
 from .base import Section
 
 
@@ -29,7 +29,7 @@ class LoopsSection(Section):
         runs = telling_trajectories(d, name, 3 if d.gap else 2)
         limits = shared_scale(d, name, runs)
         for place, trajectory in enumerate(runs):
-            words = residual_words(name)
+            words = self.words.residual_words(name)
             caption = f"{words[:1].upper()}{words[1:]} in {run_named(trajectory)}."
             pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
         return {"pictures": pictures, "added": bool(d.added)}

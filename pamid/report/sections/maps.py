@@ -6,7 +6,6 @@ from typing import Any, ClassVar
 
 from ..drawings.maps import axes_of, bounds, map_figure
 from ..drawings.windows import equations
-from ..quantities import residual_words, signal
 from ..sentences import leading_region, query_words
 from .base import Picture, Section
 
@@ -33,15 +32,14 @@ class MapsSection(Section):
         pictures: list[Picture] = []
         for name in told:
             for x, y in axes_of(d, name):
-                words = f"{residual_words(name)} over {_words(x)} and {_words(y)}"
+                words = f"{self.words.residual_words(name)} over {self._words(x)} and {self._words(y)}"
                 region = leading_region(d.regions, name)
                 framed = d.gap and region is not None and bool({x, y} & set(bounds(region.query)))
                 caption = f"Mean {words}" + (
-                    f". Framed: {query_words(region.query)}" if framed and region is not None else ""
+                    f". Framed: {query_words(region.query, self.words)}" if framed and region is not None else ""
                 )
                 pictures.append(self.picture(map_figure(d, name, x, y), f"{name}-{x}-{y}", f"{caption}."))
         return {"pictures": pictures, "added": bool(d.added)}
 
-
-def _words(name: str) -> str:
-    return signal(name).words.removesuffix(", absolute")
+    def _words(self, name: str) -> str:
+        return self.words.signal(name).words.removesuffix(", absolute")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..causes import named, shown_unit
-from ..quantities import amount, in_equation, parameter, percent, places, share_span, span
+from ..quantities import amount, parameter, percent, places, share_span, span
 from .base import Section
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class ParametersSection(Section):
             {
                 "name": names[0],
                 "others": names[1:],
-                "place": in_equation(c.equation),
+                "place": self.words.in_equation(c.equation),
                 "share": percent(c.share),
                 "ci": share_span(*c.share_ci90),
                 "rows": _rows(c, c.effects[0], c.parameters),

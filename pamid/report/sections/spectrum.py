@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 from ...errors import ShortTrajectoryError
 from ..drawings.spectrum import spectrum_figure, worse_bands
 from ..drawings.windows import equations
-from ..quantities import cell, residual_words
+from ..quantities import cell
 from .base import Picture, Section
 
 
@@ -28,7 +28,7 @@ class SpectrumSection(Section):
         name = equations(d)[0]
         pictures: list[Picture] = []
         try:
-            caption = f"Spectrum of the {residual_words(name)}."
+            caption = f"Spectrum of the {self.words.residual_words(name)}."
             pictures.append(self.picture(spectrum_figure(d, name), name, caption))
             worse = worse_bands(d, name) if d.added else []
         except ShortTrajectoryError:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any, ClassVar
 
-from ..quantities import cell, equation, probability
+from ..quantities import cell, probability
 from ..sentences import query_words
 from .base import Section
 
@@ -35,7 +35,7 @@ class WhereSection(Section):
         gap = d.gap
         equations = [
             {
-                "name": equation(e.equation),
+                "name": self.words.equation(e.equation),
                 "share": e.share if gap else math.nan,
                 "text": cell(e.share) if gap else "",
                 "excess": f"{float(f'{e.excess:.2g}'):g}" if math.isfinite(e.excess) else "",
@@ -45,8 +45,8 @@ class WhereSection(Section):
         ]
         regions = [
             {
-                "equation": equation(r.equation),
-                "words": query_words(r.query),
+                "equation": self.words.equation(r.equation),
+                "words": query_words(r.query, self.words),
                 "query": r.query,
                 "share": r.share,
                 "text": cell(r.share),

@@ -9,6 +9,7 @@ from ..drawings.ranking import answer_names
 from ..quantities import cell
 from ..ranked import certainty, closes, reason
 from ..sentences import query_words
+from ..words import Words
 from .base import Section
 
 _FIRST = 6
@@ -45,16 +46,16 @@ class WhichSection(Section):
             for c in sorted(d.candidates, key=lambda c: ((c.effect, c.where) not in told, -c.confidence))
         ]
         apart = [
-            {"names": cause_names(cause), "by": cause.distinguished_by}
+            {"names": cause_names(cause, self.words), "by": cause.distinguished_by}
             for cause in d.causes
-            if len(cause_names(cause)) > 1
+            if len(cause_names(cause, self.words)) > 1
         ]
         first = max(_FIRST, len(told) + 2)
         return {
             "first": rows[:first],
             "others": rows[first:],
             "apart": apart,
-            "leftover": _leftover(d.leftover),
+            "leftover": _leftover(d.leftover, self.words),
         }
 
 
@@ -63,7 +64,7 @@ def _name(name: str, where: str) -> str:
     return known.get(name) or named(name, where)
 
 
-def _leftover(found: dict[str, Any]) -> list[tuple[str, str]]:
+def _leftover(found: dict[str, Any], words: Words) -> list[tuple[str, str]]:
     lines = []
     for key, value in found.items():
         if isinstance(value, (list, tuple)):
@@ -71,7 +72,7 @@ def _leftover(found: dict[str, Any]) -> list[tuple[str, str]]:
         elif isinstance(value, float):
             text = cell(value) if "share" in key else f"{value:.3g}"
         elif key in ("query", "region"):
-            text = query_words(str(value))
+            text = query_words(str(value), words)
         else:
             text = str(value)
         if text:
