@@ -64,7 +64,7 @@ class ForwardModel(OneLayerRegressor):
 
     See Also
     --------
-    InverseModel : The pressure for a wanted force and contraction.
+    InverseModel : The pressure for a desired force and contraction.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""From a wanted force and contraction to the pressure that brings both about."""
+"""From a desired force and contraction to the pressure that brings both about."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inverse of a force model: the pressure at which it gives the wanted force."""
+"""The inverse of a force model: the pressure at which it gives the desired force."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def narrowed(
 
 @parameters
 class InvertedForce(Streaming, SignalRegressor):
-    r"""Inverse of a force model by bounded root finding: the pressure at which it gives the wanted force.
+    r"""Inverse of a force model by bounded root finding: the pressure at which it gives the desired force.
 
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
         P_\mathrm{low} \le P^\ast \le P_\mathrm{high}
@@ -91,8 +91,8 @@ class InvertedForce(Streaming, SignalRegressor):
 
     Notes
     -----
-    A model that reads the rate of the pressure is evaluated at constant pressure, ``dP`` = 0: the wanted pressure's own
-    rate is not known.
+    A model that reads the rate of the pressure is evaluated at constant pressure, ``dP`` = 0: the rate of the desired
+    pressure is not known.
 
     Examples
     --------
@@ -186,7 +186,7 @@ class InvertedForce(Streaming, SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Return the pressure that brings the wanted force about.
+        """Return the pressure that brings the desired force about.
 
         Parameters
         ----------

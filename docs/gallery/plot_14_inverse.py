@@ -2,7 +2,7 @@
 Which pressure brings this force at this contraction
 ====================================================
 
-A controller needs the reverse: the pressure that produces a wanted force and contraction. The
+A controller needs the reverse: the pressure that produces a desired force and contraction. The
 inverse model learns it from lifts of four loads and answers for loads that it has not seen. Up and down differ by the
 hysteresis of the braid, so the model also reads the last direction of motion.
 """

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Controller:
     r"""PD control at 1 kHz around a nominal pressure.
 
-    The wanted pressures are
+    The desired pressures are
 
     .. math:: P_{1,2} = P_\mathrm{atm} + p_0 \pm \left(f \Delta_\mathrm{ff}(q_\mathrm{ref}) + k_p\,(q_\mathrm{ref} - q)
         - k_d\,\dot q\right),
@@ -39,11 +39,11 @@ class Controller:
     pressure_time : float, default=8e-3
         Time constant of the pressure loops, s.
     lowest : float, default=3e4
-        Least wanted pressure, Pa gauge: the muscles stay taut.
+        Least desired pressure, Pa gauge: the muscles stay taut.
     margin : float, default=5e4
-        Least distance of the wanted pressure from supply, Pa.
+        Least distance of the desired pressure from supply, Pa.
     forward : float, default=1
-        Share f of the pressure that holds the joint at the wanted angle.
+        Share f of the pressure that holds the joint at the reference angle.
 
     Examples
     --------
@@ -89,13 +89,13 @@ class RunningController:
         p0 = controller.pressure
 
         def per_pressure(muscle: int) -> np.ndarray:
-            """Tension per gauge pressure at the wanted angle, N/Pa."""
+            """Tension per gauge pressure at the reference angle, N/Pa."""
             return plant.volume_slope(contraction(q_ref, muscle, params)) / plant.rest_length
 
         f1, f2 = per_pressure(1), per_pressure(2)
         offsets = [np.zeros(len(q_ref)) if run.pressure_offset is None else run.pressure_offset for run in runs]
         gauge = p0 + np.stack(offsets, axis=1)
-        # Holds the joint at the wanted angle, by the nominal equations.
+        # Holds the joint at the reference angle, by the nominal equations.
         self.feedforward = gauge * (f2 - f1) / (f1 + f2)
         eps0 = params.muscle.initial_contraction
         torque_per_pressure, stiffness = joint_at_rest(params, p0)
@@ -122,7 +122,7 @@ class RunningController:
         self._q_before: np.ndarray | None = None
 
     def initial_pressure(self) -> np.ndarray:
-        """Return the pressures that hold each run at its first wanted angle, Pa, shape (2, n_runs)."""
+        """Return the pressures that hold each run at its first reference angle, Pa, shape (2, n_runs)."""
         return np.clip(self._base[0] + self._share * self.feedforward[0], self._low, self._high)
 
     def command(self, k: int, q: np.ndarray, P: np.ndarray) -> np.ndarray:

@@ -67,7 +67,7 @@ class Trajectory:
                 )
         if not np.all(np.isfinite(self.q_ref)):
             raise ParameterError(
-                f"The wanted angle of {self.name} holds NaN or infinity.", "finite angles in rad", "Correct it."
+                f"The reference angle of {self.name} holds NaN or infinity.", "finite angles in rad", "Correct it."
             )
 
     @property

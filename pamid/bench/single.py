@@ -41,9 +41,9 @@ class LiftSettings:
     """
 
     frequency: float = 0.05
-    """Of the wanted pressure, Hz."""
+    """Of the desired pressure, Hz."""
     peak: float = 7e5
-    """Largest wanted pressure, Pa gauge; the least is 0."""
+    """Largest desired pressure, Pa gauge; the least is 0."""
     proportional: float = 2e-5
     integral: float = 2e-4
     derivative: float = 0.0
@@ -215,7 +215,7 @@ def simulate_lift(
     loads : sequence of float, default=(15, 30, 45, 60, 80, 100)
         kg, each once.
     periods : float, default=1
-        Periods of the wanted pressure.
+        Periods of the desired pressure.
     every : int, default=10
         Milliseconds between rows.
     seed : int, default=0

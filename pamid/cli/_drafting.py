@@ -126,7 +126,7 @@ def way_out(draft: Draft, lacking: list[Input]) -> str:
         )
     if draft.kind == "joint" and wanted.name in ("drive", "gain"):
         return (
-            "Say what drives it: --signal drive=COLUMN, or the wanted angle of a controller and its gain: "
+            "Say what drives it: --signal drive=COLUMN, or the reference angle of a controller and its gain: "
             f"--signal q_ref=COLUMN --set gain=NUMBER.{_beside(draft)}"
         )
     each = " ".join(f"--signal {i.name}=COLUMN:UNIT" for i in lacking)

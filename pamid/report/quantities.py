@@ -53,7 +53,7 @@ SIGNALS = {
     "x": DisplayedQuantity("stroke", 1e3, "mm"),
     "dx": DisplayedQuantity("speed", 1e3, "mm/s"),
     "drive": DisplayedQuantity("drive", 1.0, ""),
-    "q_ref": DisplayedQuantity("wanted joint angle", 180.0 / math.pi, "deg"),
+    "q_ref": DisplayedQuantity("reference joint angle", 180.0 / math.pi, "deg"),
     "time": DisplayedQuantity("time", 1.0, "s"),
 }
 """Signals of a log and what follows from them."""

@@ -97,7 +97,8 @@ class Words(NamedTuple):
         if known is None:
             return DisplayedQuantity(name, 1.0, "")
         muscle = name[len(bare) :]
-        return known._replace(words=f"{known.words} of muscle {muscle}") if muscle and bare in SIGNALS else known
+        words, comma, which = known.words.partition(",")
+        return known._replace(words=f"{words} of muscle {muscle}{comma}{which}") if muscle and bare in SIGNALS else known
 
     def residual(self, equation: str, unit: str) -> DisplayedQuantity:
         """Return an equation's residual as people read it."""

@@ -19,7 +19,7 @@ BENCH_INPUTS = (
     Input("mdot2", "kg/s", "mass flow into muscle 2", needed=False),
     Input("u1", "-", "command of valve 1, -1 to 1", needed=False),
     Input("u2", "-", "command of valve 2, -1 to 1", needed=False),
-    Input("q_ref", "rad", "wanted joint angle", needed=False),
+    Input("q_ref", "rad", "reference joint angle", needed=False),
 )
 """Signals of a log of the bench."""
 

@@ -42,7 +42,7 @@ class Joint(System):
     signals = (
         Input("q", "rad", "angle"),
         Input("drive", "any", "torque, current or voltage that drives it", needed=False),
-        Input("q_ref", "rad", "wanted angle, where a proportional controller drives it", needed=False),
+        Input("q_ref", "rad", "reference angle, where a proportional controller drives it", needed=False),
         Input("gain", "1/rad", "gain of that controller, where it changes between runs", needed=False),
         Input("voltage", "V", "supply voltage, where the controller sets a duty", needed=False),
         Input("enabled", "-", "1 while the drive is on", needed=False),
@@ -143,7 +143,7 @@ class Joint(System):
         if "q_ref" not in log.columns:
             raise MissingColumnError(
                 f"The log has neither drive nor q_ref; it has {', '.join(map(str, log.columns[:20]))}.",
-                "what drives the joint, or the wanted angle of its controller",
+                "what drives the joint, or the reference angle of its controller",
                 "Map one of them.",
             )
         gain = log["gain"].to_numpy(dtype=float) if "gain" in log.columns else self.number("gain")

@@ -476,6 +476,8 @@ def test_every_partial_fit_has_a_meaning():
     from pamid.estimators import all_estimators
 
     docs = Path(__file__).resolve().parents[2] / "docs"
+    if not docs.is_dir():
+        pytest.skip("needs the repository")
     page = (docs / "streaming.md").read_text(encoding="utf-8")
     explained = re.findall(r"^\| (\w+) \| ", page[page.index("## What `partial_fit` means") :], re.M)
     table = re.findall(r"^\| `(\w+)` \|.*\| (\w+) \| [^|]*\|$", (docs / "models.md").read_text(encoding="utf-8"), re.M)

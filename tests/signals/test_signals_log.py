@@ -29,6 +29,7 @@ from pamid.signals import (
 from pamid.signals.formats import all_formats
 
 MAPPINGS = Path(__file__).parents[2] / "docs" / "mappings"
+of_the_docs = pytest.mark.skipif(not MAPPINGS.is_dir(), reason="needs the repository")
 
 
 @pytest.fixture
@@ -108,6 +109,7 @@ def test_text_with_bom_comments_and_latin_letters(tmp_path):
     assert list(read_log(file).columns) == ["trajectory", "time", "Länge"]
 
 
+@of_the_docs
 def test_thousands_points_beside_decimal_points(tmp_path):
     """975.000 then 1.075.000, as some recorders write the time."""
     file = tmp_path / "chamber.csv"
@@ -117,6 +119,7 @@ def test_thousands_points_beside_decimal_points(tmp_path):
     np.testing.assert_allclose(log["time"], [0, 0.975, 1.075, 151.203])
 
 
+@of_the_docs
 def test_matlab_5_with_objects_beside_arrays(tmp_path):
     """Variables are chosen by pattern, the zero run is subtracted, cells stay closed."""
     zero = np.column_stack([np.full(5, -9.0), np.full(5, 8.0), np.arange(5) * 0.002, np.ones(5)])
@@ -164,6 +167,7 @@ def test_hdf5_groups_are_trajectories(tmp_path):
     assert names == ["bench-runs/sine-1", "bench-runs/sine-9", "bench-runs/sine-10"]
 
 
+@of_the_docs
 def test_json_entries_and_values_beside_them(tmp_path):
     rows = [{"timestamp": 0.01 * k, "position": 0.1, "speed": 0.0, "goal_position": 0.0, "load": 1, "input_volts": 7}
             for k in range(4)]  # fmt: skip

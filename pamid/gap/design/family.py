@@ -44,9 +44,9 @@ class Limits:
     runs: int = 1
     """Maximum number of runs, 1 to 5."""
     angle: float = 25.0
-    """Largest wanted angle, degrees to either side."""
+    """Largest reference angle, degrees to either side."""
     rate: float = 200.0
-    """Largest rate of the wanted angle, degrees/s."""
+    """Largest rate of the reference angle, degrees/s."""
     frequency: float = 15.0
     """Largest frequency, rad/s."""
     pressure: float = 8e4
@@ -128,7 +128,7 @@ class DesignedRun:
     seed: int = 0
     """Of a multisine, the seed of its phases."""
     rate: float = 200.0
-    """Largest rate of the wanted angle, degrees/s, which rounds steps."""
+    """Largest rate of the reference angle, degrees/s, which rounds steps."""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -292,7 +292,7 @@ def within(run: DesignedRun, limits: Limits) -> DesignedRun:
 
 
 def _slewed(q: np.ndarray, step: float) -> np.ndarray:
-    """Return a wanted angle that moves by no more than a step from sample to sample."""
+    """Return a reference angle that moves by no more than a step from sample to sample."""
     out, now = np.empty(len(q)), float(q[0])
     for k, x in enumerate(q.tolist()):
         now += min(max(x - now, -step), step)

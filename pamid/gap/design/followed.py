@@ -81,7 +81,7 @@ def controller_of(logs: Iterable[pd.DataFrame], params: BenchParameters) -> Cont
 
 
 def _told(run: pd.DataFrame) -> np.ndarray:
-    """Return wanted angle, angle, pressures, commands and the rate of the angle, without shut valves and the ends."""
+    """Return reference, angle, pressures, commands and the rate of the angle, without shut valves and the ends."""
     t = run["time"].to_numpy(dtype=float)
     x = run[list(READ)].to_numpy(dtype=float)
     box = np.ones(SMOOTH) / SMOOTH
