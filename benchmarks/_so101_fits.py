@@ -123,7 +123,7 @@ class Fit:
         return self.own | made
 
     def residuals(self, z: np.ndarray) -> np.ndarray:
-        """Return what is left of each row, shape (rows, joints), mrad; every motion weighs the same."""
+        """Return the error of each row, shape (rows, joints), mrad; every motion weighs the same."""
         runs = free_runs(self.model, self.numbers(z), self.motions)
         left = []
         for n, y in runs.items():

@@ -81,7 +81,7 @@ def _mjcf(above: str = "", inside: str = "", beside: str = "") -> dict[str, str 
 
 
 def mujoco_files() -> Iterator[Hostile]:
-    """Models without limit, and ones that are none."""
+    """Models without limit, and invalid ones."""
     entity = '<?xml version="1.0"?><!DOCTYPE m [<!ENTITY a "aaaaaaaaaa">' + "".join(
         f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
     )
@@ -163,7 +163,7 @@ def equations() -> Iterator[Hostile]:
 
 
 def control() -> Iterator[Hostile]:
-    """Systems of python-control that are none."""
+    """Invalid systems of python-control."""
     page = _page("control", 'system = "plant.py:system"', 'u0 = { kind = "input", column = "u" }')
     touch = f"import pathlib; pathlib.Path(__file__).with_name('{CANARY}').touch()\n"
     yield Hostile("control", "runs without trust", {"sim.toml": page, "plant.py": touch})

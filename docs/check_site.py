@@ -57,7 +57,7 @@ class Page:
 
 
 def html(site: Path) -> list[Path]:
-    """Return the pages; what a theme keeps among its own files is none."""
+    """Return the pages; files of the theme are not pages."""
     return sorted(file for file in site.rglob("*.html") if "_static" not in file.parts)
 
 

@@ -45,7 +45,7 @@ def encode_text_columns(X: Any, read: Collection[str] = ()) -> Any:
 
 
 def _first_text(column: pd.Series[Any]) -> Any:
-    """Return the first value that is no number, None if there is none."""
+    """Return the first value that is not a number, None if there is none."""
     for value in column.unique():
         try:
             float(value)

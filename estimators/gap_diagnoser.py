@@ -234,7 +234,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         return self
 
     def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
-        """Take in a further log of the same test rig, and diagnose all that was seen.
+        """Take in a further log of the same machine, and diagnose all logs together.
 
         The runs of all calls are held and diagnosed together, as one ``fit`` on all of them would; a repeated run adds
         nothing. Above 100,000 rows whole runs are dropped at random, so that memory does not grow.

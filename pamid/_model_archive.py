@@ -29,7 +29,7 @@ _OBJECT_BYTES = 100
 _PIECE = 1 << 16
 
 _ENTRY = re.compile(r"[A-Za-z0-9_-]{1,100}\.(npy|bin|json)")
-_REMEDY = "Do not load this file; ask whoever made it for one written by pamid.persistence.save."
+_REMEDY = "Do not load this file; ask its author for one written by pamid.persistence.save."
 
 
 def hostile(found: str, expected: str) -> HostileModelError:

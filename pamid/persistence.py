@@ -388,7 +388,7 @@ def _construct(packed: bytes, name: str, types: set[str], trusted: frozenset[str
         model = skops.io.loads(packed, trusted=sorted(untrusted))
         check_model(model, name, trusted)
         if hasattr(model, "get_params"):
-            model.get_params()  # an estimator that lacks its own parameters is none
+            model.get_params()  # an estimator without its own parameters is not one
         return model
     except ModelFileError:
         raise

@@ -19,7 +19,7 @@ ROOMS = {
     "pamid.plots": "pictures",
     "pamid.signals": "logs, units, rates, splits",
     "pamid.equations": "residuals of the bench's equations on a log",
-    "pamid.bench": "the simulated test rig",
+    "pamid.bench": "the simulated bench",
     "pamid.effects": "what the nominal equations leave out",
     "pamid.laws": "force, gas, valve, joint",
     "pamid.volume": "volume models",

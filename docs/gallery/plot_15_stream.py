@@ -34,7 +34,7 @@ for start in range(6000, len(t), 200):
 factor, width = np.array(factor), np.array(width)
 
 fig, ax = plt.subplots(figsize=(7, 3.6), layout="constrained")
-ax.plot(t, worn, color=GREY, linestyle=(0, (4, 3)), label="what is left of the force")
+ax.plot(t, worn, color=GREY, linestyle=(0, (4, 3)), label="the remaining force")
 ax.fill_between(times, factor - 2 * width, factor + 2 * width, color=BLUE, alpha=0.25, linewidth=0)
 ax.plot(times, factor, color=BLUE, label="followed")
 alarm = 6 + online.alarms_[0]["time"]  # counted from the first sample of the stream

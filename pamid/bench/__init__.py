@@ -1,4 +1,4 @@
-"""The simulated test rig: its parameters, its simulation, its data sets."""
+"""The simulated bench: its parameters, its simulation, its data sets."""
 
 from .controller import Controller
 from .datasets import DATASETS, dataset, step_trajectories, training_trajectories, triangle_trajectories

@@ -1,6 +1,6 @@
 """The data sets of the study from a seed; the row counts of B and C are the published ones.
 
-``paper_like`` is the twin as the authors' data are, see `pamid.bench.paper_like`.
+``paper_like`` is the bench as the authors' data are, see `pamid.bench.paper_like`.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ def dataset(
     ----------
     name : str
         ``"D_A"``, ``"D_B"``, ``"D_C"`` (training sines of each muscle), ``"D_tri"`` (triangles), ``"D_step"`` (steps);
-        ``"paper_like"``, ``"paper_like_tri"``, ``"paper_like_step"``: the twin as the authors' data are, its flow by
+        ``"paper_like"``, ``"paper_like_tri"``, ``"paper_like_step"``: the bench as the authors' data are, its flow by
         the valve's map as theirs is; what is stated, inferred and chosen stands in `pamid.bench.paper_like`.
     seed : int, default=0
         Seed of the sensors' noise.

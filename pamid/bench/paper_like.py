@@ -1,4 +1,4 @@
-"""The bench and the runs of the data sets ``paper_like``: the twin as the data of the study's authors are.
+"""The bench and the runs of the data sets ``paper_like``: the bench as the data of the study's authors are.
 
 Stated by the authors, in the paper or their public notebooks: the flow is computed by the valve's map from command and
 pressure, not metered; a PD controller tracks sines at 1 kHz, five frequencies by the text, in 20 runs; 39,330 rows of B

@@ -38,6 +38,6 @@ class Asker:
 
         def known(answer: str) -> None:
             if answer not in offered:
-                raise PamidError(f"{answer!r} is none of them.", ", ".join(offered), "")
+                raise PamidError(f"{answer!r} is not one of them.", ", ".join(offered), "")
 
         return self.text(f"{question} ({', '.join(offered)})", default, known)

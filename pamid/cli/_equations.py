@@ -1,4 +1,4 @@
-"""A simulator file for somebody's own equations, with the mapping of the log that they are held against."""
+"""A simulator file for somebody's own equations, with the mapping of the log that they are compared with."""
 
 from __future__ import annotations
 

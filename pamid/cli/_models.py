@@ -1,4 +1,4 @@
-"""The first simulator file of a MuJoCo model or an FMU, and the mapping of the log that it is held against."""
+"""The first simulator file of a MuJoCo model or an FMU, and the mapping of the log that it is compared with."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
 
 
 def _signals(simulator: Simulator) -> list[Port]:
-    """Return the ports that a log may have a column of; torques that MuJoCo adds beside its actuators are none."""
+    """Return the ports that a log may have a column of; not the torques that MuJoCo adds beside its actuators."""
     hidden = {p.through for p in simulator.ports if p.through and not p.column and simulator.kind == "mujoco"}
     return [p for p in simulator.ports if p.kind in ("input", "output", "state") and p.name not in hidden]
 

@@ -35,7 +35,7 @@ def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
     simulator = any_simulator_of(args)
     if simulator is None:
         raise UnknownOptionError(
-            "Neither --sim nor --model is given, and no simulator lies beside the log.",
+            "Neither --sim nor --model is given, and no simulator file is in the log's folder.",
             "a simulator or a model",
             "Add --sim SIM.toml or --model MODEL.",
         )

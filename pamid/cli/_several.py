@@ -168,5 +168,5 @@ def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
 
     if isinstance(simulator, BenchParameters) and not args.where:
         return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)
-    log = load_log(args, simulator=simulator)  # what is left of a condition is not known before all is read
+    log = load_log(args, simulator=simulator)  # which conditions remain is known once all is read
     return _counted(args, simulator, log), len(log)

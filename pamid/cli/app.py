@@ -96,7 +96,7 @@ def run(argv: Sequence[str] | None = None) -> int:
         _say("interrupted; no file is left incomplete")
         return TERMINATED if isinstance(stop, _Terminated) else INTERRUPTED
     except BrokenPipeError:
-        _close_stdout()  # whoever read the output has seen enough
+        _close_stdout()  # the reader of the output has seen enough
         return DONE
     except PamidError as error:
         if debug:

@@ -126,13 +126,13 @@ def load_simulator(path: str) -> BenchParameters:
 
 
 def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
-    """Read the simulator of a bench that the arguments name, or the one that lies beside the log; None without one."""
+    """Read the simulator of a bench that the arguments name, or the one in the log's folder; None without one."""
     path = _page_path(args)
     return load_simulator(path) if path else None
 
 
 def any_simulator_of(args: argparse.Namespace) -> Any:
-    """Read the simulator of any kind that the arguments name, or the one that lies beside the log; None without one."""
+    """Read the simulator of any kind that the arguments name, or the one in the log's folder; None without one."""
     from ..any_simulator import read_simulator
 
     _note_assumed(args)
@@ -141,7 +141,7 @@ def any_simulator_of(args: argparse.Namespace) -> Any:
 
 
 def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
-    """Read the simulator file of any kind that the arguments name, or that lies beside the log; None without one."""
+    """Read the simulator file of any kind that the arguments name, or the one in the log's folder; None without one."""
     from ..simulators import simulator_kinds
     from ..systems import kind_of_file, read_system
 
@@ -159,7 +159,7 @@ def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
 
 
 def _page_path(args: argparse.Namespace) -> str | None:
-    """Return the simulator file that --sim names, or the one that lies beside the log, saying so."""
+    """Return the simulator file that --sim names, or the one in the log's folder, saying so."""
     if args.sim:
         return str(args.sim)
     logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
@@ -202,12 +202,12 @@ def _note_assumed(args: argparse.Namespace) -> None:
     """Remind of what 'pamid init' had to assume and nobody has replaced since."""
     for path in filter(None, (args.sim, args.columns)):
         if not Path(path).is_file():
-            continue  # whoever reads it for its content says so better
+            continue  # a reader of its content gives the better message
         try:
             with Path(path).open(encoding="utf-8") as stream:
                 lines = [line.split("=")[0].strip() for line in stream if "ASSUMED" in line]
         except (OSError, UnicodeDecodeError):
-            continue  # whoever reads it for its content says so better
+            continue  # a reader of its content gives the better message
         if lines:
             note(args, f"{path} still assumes {', '.join(lines[:8])}: correct or confirm each, and remove ASSUMED")
 
@@ -281,7 +281,7 @@ def note(args: argparse.Namespace, text: str) -> None:
 
 
 def checked_output(path: str, inputs: Iterable[str | None] = (), size: int = PROBE) -> Path:
-    """Return the path of an output that can be written and is none of the inputs, before anything expensive starts."""
+    """Return the path of an output that can be written and is not an input, before anything expensive starts."""
     target = check_file(path, size)
     for read in inputs:
         if read and target.exists() and Path(read).exists() and target.samefile(read):

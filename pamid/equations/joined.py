@@ -19,7 +19,7 @@ ROWS = 16_384
 
 
 class JoinedRun(Run):
-    """Several stretches of a log held against a simulator, concatenated.
+    """Several stretches of a log compared with a simulator, concatenated.
 
     Parameters
     ----------
@@ -36,7 +36,7 @@ class JoinedRun(Run):
         super().__init__(_joined(self.parts) if stretch is None else stretch, model)
 
     def under(self, model: Model) -> JoinedRun:
-        """Return the same stretches held against another simulator."""
+        """Return the same stretches compared with another simulator."""
         return JoinedRun(self.parts, model, self.stretch)
 
     @property

@@ -1,4 +1,4 @@
-"""A log of the bench, checked once: its runs as stretches that are held against a simulator."""
+"""A log of the bench, checked once: its runs as stretches that are compared with a simulator."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A stretch of a log held against a simulator, its effects applied: what the equations read."""
+"""A stretch of a log compared with a simulator, its effects applied: what the equations read."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Model:
         The simulator.
     settled : bool, default=False
         Whether the ends of every stretch are left out, as they are for effects with memory, so that simulators with
-        and without memory are held against the same windows.
+        and without memory are compared with the same windows.
     noise : bool, default=True
         Whether residuals come with their noise; zeros otherwise.
     """
@@ -62,7 +62,7 @@ class Model:
 
 
 class Run:
-    """Signals of one stretch of a log held against a simulator.
+    """Signals of one stretch of a log compared with a simulator.
 
     Parameters
     ----------
@@ -104,7 +104,7 @@ class Run:
         return np.zeros(1, dtype=int)
 
     def under(self, model: Model) -> Run:
-        """Return the same stretch of the log held against another simulator."""
+        """Return the same stretch of the log compared with another simulator."""
         return Run(self.stretch, model)
 
     def _noise(self, name: str) -> list[ChannelNoise]:

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _MOST = 4_000  # rows that are looked at
 _OFF = 0.1
-"""Share of the signal below which an error is none of units: the mildest mistake, gauge for absolute pressure, is an
+"""Share of the signal below which an error is not one of units: the mildest mistake, gauge for absolute pressure, is an
 atmosphere in at most ten."""
 _TIMES = 3.0
 """How many times smaller each other unit has to make the errors: units that are mistaken for each other are a factor of

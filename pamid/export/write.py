@@ -88,7 +88,7 @@ def export(
     finest = plan.memory.finest if isinstance(plan, ExportPlan) and plan.memory else None
     if finest and finest.least_difference < (step := float(np.finfo(dtype).eps)):
         raise ExportError(
-            f"The effect {finest.name} tells apart what differs by {finest.least_difference:g} of its size, and "
+            f"The effect {finest.name} distinguishes what differs by {finest.least_difference:g} of its size, and "
             f"{dtype} resolves {step:.1g}.",
             "a finer floating type",
             "Pass --dtype float64.",

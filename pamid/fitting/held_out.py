@@ -15,7 +15,7 @@ import numpy as np
 
 
 def left_of_blocks(inverse: np.ndarray, y: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Return what is left of each block, predicted from all others."""
+    """Return the residual of each block, predicted from all others."""
     left = np.asarray(inverse @ y)
     for block in np.unique(blocks):
         out = np.flatnonzero(blocks == block)

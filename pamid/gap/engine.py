@@ -85,7 +85,7 @@ def explain(
     Parameters
     ----------
     evidence : ResidualSource
-        The log, held against its model.
+        The log, compared with its model.
     library : sequence of str
         Effects that may be causes.
     random_state : RandomState

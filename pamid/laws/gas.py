@@ -131,7 +131,7 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
 
     .. math:: \frac{\mathrm{d}}{\mathrm{d}t}\left(P^{1/\gamma} V\right) = P^{1/\gamma - 1} R T\, \dot m,
 
-    so that a log can be held against it over a window without differentiating a noisy pressure: the change of S
+    so that a log can be compared with it over a window without differentiating a noisy pressure: the change of S
     over the window is the integral of `entropic_supply`.
 
     Parameters

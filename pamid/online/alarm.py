@@ -1,6 +1,6 @@
 r"""Drift alarms: has one of several parameters moved, and which, at a stated rate of false alarms.
 
-For each parameter the stream's residuals are held against what a change of this one parameter would add to them,
+For each parameter the stream's residuals are compared with what a change of this one parameter would add to them,
 
 .. math:: T_j = \frac{\sum_i \lambda^{n-i} h_{ij} r_i/\sigma^2}{\sqrt{\sum_i \lambda^{2(n-i)} h_{ij}^2/\sigma^2}},
 

@@ -19,7 +19,7 @@ _PIECE = 1 << 16
 
 
 class _Cutter:
-    """Cut what comes into lines; of an endless one no more is kept than is needed to tell that it is none."""
+    """Cut what comes into lines; of an endless one no more is kept than is needed to tell that it is not one."""
 
     def __init__(self) -> None:
         self.rest = b""

@@ -39,7 +39,7 @@ class Header(NamedTuple):
     unit: str | None = None
     """Unit that it states, as `pamid.signals.UNITS` names it."""
     unread: str = ""
-    """What stands where a unit should and is none that is known; empty otherwise."""
+    """An unknown word where a unit should stand; empty otherwise."""
     gauge: bool | None = None
     """True for gauge, False for absolute pressure, None where it says neither."""
     bracketed: bool = False

@@ -38,7 +38,7 @@ _SLACK = 0.05
 """Share of its range by which a joint may be driven against its stop, or read beyond it."""
 
 _SAME = 0.7
-"""Correlation below which a guessed rate is none of its position."""
+"""Correlation below which a guessed rate does not belong to its position."""
 _ROWS = 20_000
 """Rows by which columns are compared all with all."""
 _USUAL = {"angle": 2.0 * math.pi, "length": 10.0, "voltage": 1e3, "current": 1e3, "temperature": 3e3}

@@ -45,7 +45,7 @@ def _correlation(a: np.ndarray, b: np.ndarray) -> float:
 
 
 def is_rate_of(t: np.ndarray, frame: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Return the channels that are the derivative of another one which is none, with that other."""
+    """Return the channels that are the derivative of another channel that is not itself one, with that channel."""
     if len(frame) < 2 or len(t) < 10:
         return {}
     x = np.array(list(frame.values()), dtype=float)

@@ -96,7 +96,7 @@ def _products(D: np.ndarray, J: np.ndarray) -> np.ndarray:
 
 
 def _left(gram: np.ndarray) -> np.ndarray:
-    """Return what is left of effect i once effect j takes what it can, in standard deviations, for all pairs."""
+    """Return the part of effect i that effect j cannot explain, in standard deviations, for all pairs."""
     own = np.maximum(np.diag(gram), 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         taken = np.where((gram > 0) & (own[None, :] > 0), np.square(gram) / own[None, :], 0.0)

@@ -155,7 +155,7 @@ class Choice(NamedTuple):
     """Word where the user gives none."""
 
     def checked(self, value: Any, kind: str) -> str:
-        """Return a word of the file; raise if it is none of the options."""
+        """Return a word of the file; raise if it is not one of the options."""
         if value not in self.options:
             raise UnknownOptionError(
                 f"{kind}.{self.name} is {value!r}.", f"one of {', '.join(self.options)}", "Correct the word."

@@ -1,4 +1,4 @@
-"""Models of a system's one equation held against each other on runs that their fits have not seen."""
+"""Models of a system's one equation compared with each other on runs that their fits have not seen."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def test_the_flow_is_that_of_the_nominal_map(short):
     error = (log["mdot1"] - wanted) / NORMAL_LITRE
     assert np.std(error) == pytest.approx(NOISE, rel=0.1)
     assert np.mean(error) == pytest.approx(SETTINGS["B"].offset, abs=0.1)
-    # Twice 3 ms of the spool: the map leads the gas by more than the noise tells apart.
+    # Twice 3 ms of the spool: the map leads the gas by more than the noise hides.
     assert np.std(wanted - metered) / NORMAL_LITRE > 3 * NOISE
 
 

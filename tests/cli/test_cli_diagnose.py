@@ -189,7 +189,7 @@ def test_no_tolerances_and_no_repeats(log, tmp_path, capsys, plain_page):
 
 def test_a_single_trajectory(log, tmp_path, capsys):
     found = diagnosed(tmp_path, log[log["trajectory"] == "sine-4-15"], BenchParameters.for_muscle("B"), capsys)
-    assert re.search("traject|run", " ".join(found["notes"])), "it says that intervals over one run are none"
+    assert re.search("traject|run", " ".join(found["notes"])), "it says that intervals over one run are meaningless"
 
 
 @pytest.mark.parametrize(("missing", "lost"), [("F", {"force", "joint"}), ("mdot", {"flow", "valve"})])

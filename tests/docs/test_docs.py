@@ -256,7 +256,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 
 def words(text: str) -> int:
-    """Words of a page, whatever stands between the bars of a table; the bars are none."""
+    """Words of a page, whatever stands between the bars of a table; the bars do not count."""
     return sum(any(c.isalnum() for c in word) for word in text.split())
 
 

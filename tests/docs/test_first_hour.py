@@ -38,7 +38,7 @@ def test_printed_commands_alone_lead_from_a_raw_log_to_a_correction_that_runs(
     exec("import numpy as np\nimport pandas as pd\nrng = np.random.default_rng(0)\n" + code[k], {})
     said, printed, errors = "", [], {}
     for command in commands[k]:
-        assert not said or command in printed, f"{command} is none of {printed}"
+        assert not said or command in printed, f"{command} is not in {printed}"
         assert main(shlex.split(command)[1:]) == 0, capsys.readouterr().err
         said = capsys.readouterr().out
         printed += re.findall(r"^next: (.*)$", said, re.M)

@@ -1,4 +1,4 @@
-"""How much of its source an adaptation keeps: held against a fresh fit of the same samples."""
+"""How much of its source an adaptation keeps: compared with a fresh fit of the same samples."""
 
 from __future__ import annotations
 

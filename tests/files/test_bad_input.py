@@ -305,7 +305,7 @@ COLUMNS = [
     ("no such mapping", nothing("map.toml"), E.LogError, ("map.toml",)),
     ("mapping is no TOML", content("map.toml", "= 3"), E.MappingError, ("map.toml",)),
     ("mapping to no column", content("map.toml", '[P1]\ncolumn = "p_one"\n'), E.LogError, ("p_one",)),
-    ("unit that is none", content("map.toml", '[P1]\ncolumn = "P1"\nunit = "furlong"\n'), E.UnitError, ("furlong",)),
+    ("unknown unit", content("map.toml", '[P1]\ncolumn = "P1"\nunit = "furlong"\n'), E.UnitError, ("furlong",)),
     ("unit of another kind", content("map.toml", '[P1]\ncolumn = "P1"\nunit = "mm"\n'), E.UnitError, ("mm", "Pa")),
     ("unknown key of a mapping", content("map.toml", '[P1]\ncolum = "P1"\n'), E.MappingError, ("colum",)),
 ]

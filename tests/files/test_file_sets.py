@@ -1,4 +1,4 @@
-"""Sets of files are written whole or not at all, whoever else writes or looks on."""
+"""Sets of files are written whole or not at all, even while others write or read them."""
 
 from __future__ import annotations
 

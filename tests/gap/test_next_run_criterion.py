@@ -1,4 +1,4 @@
-"""What a run is expected to tell before it is recorded, held against what it tells then."""
+"""What a run is expected to tell before it is recorded, compared with what it tells then."""
 
 from __future__ import annotations
 

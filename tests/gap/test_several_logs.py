@@ -369,7 +369,7 @@ def test_the_loop_on_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixt
     since = ["--since", f"{folder}/diagnosis", "--out", f"{folder}/three", *quiet]
     (tmp_path / "alone").mkdir()
     log = (tmp_path / "second.parquet").rename(tmp_path / "alone" / "second.parquet")
-    # No simulator lies beside the log: that of the earlier diagnosis is taken.
+    # No simulator file is in the log's folder: that of the earlier diagnosis is taken.
     assert main(["diagnose", str(log), *since, *library]) == 2
     assert "--effects or --without is given with --since" in capsys.readouterr().err
 

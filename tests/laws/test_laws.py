@@ -1,4 +1,4 @@
-"""One set of physics axioms, held against every law and every volume model, on numpy arrays and torch tensors."""
+"""One set of physics axioms, tested on every law and volume model, on numpy arrays and torch tensors."""
 
 import math
 

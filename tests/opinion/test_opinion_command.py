@@ -1,4 +1,4 @@
-"""The command line: a second opinion with --after, and a passport held against another rig's log."""
+"""The command line: a second opinion with --after, and a passport compared with another rig's log."""
 
 from __future__ import annotations
 

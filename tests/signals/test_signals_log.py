@@ -89,7 +89,7 @@ def as_text(separator: str, *, header: bool = False, comma: bool = False, tail: 
 )
 @pytest.mark.parametrize("tail", ["\n", "", "\r\n\r\n"])
 def test_text(tmp_path, separator, comma, header, tail):
-    """Separators, decimal commas, headers and ends of files are told apart."""
+    """Separators, decimal commas, headers and ends of files are distinguished."""
     file = tmp_path / "run.csv"
     file.write_text(as_text(separator, header=header, comma=comma, tail=tail))
     log = read_log(file, MAPPING)

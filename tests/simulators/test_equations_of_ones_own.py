@@ -1,4 +1,4 @@
-"""Equations as a simulator: written on the command line, held against a log, corrected; they are data and no code."""
+"""Equations as a simulator: written on the command line, compared with a log, corrected; they are data and no code."""
 
 from __future__ import annotations
 

@@ -105,11 +105,11 @@ def run(args: argparse.Namespace) -> int:
     from ...signals.log import find_logs
 
     folder = check_folder(args.out, FILES, size=_ROOM)
-    find_logs(args.log)  # a name that is none is told before anything is read
+    find_logs(args.log)  # an unknown name is reported before anything is read
     simulator = any_simulator_of(args) or simulator_before(args)
     if simulator is None:
         raise ParameterError(
-            "No simulator is named, and none lies beside the log.",
+            "No simulator is named, and none is in the log's folder.",
             "a simulator file",
             "Add --sim SIM.toml; 'pamid init' writes one.",
         )

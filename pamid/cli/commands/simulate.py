@@ -40,7 +40,7 @@ _EXAMPLES = """\
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "simulate", "write a log of the bench, a simulated test rig", _DESCRIPTION, _EXAMPLES
+        subparsers, "simulate", "write a log of the simulated bench", _DESCRIPTION, _EXAMPLES
     )
     bench = parser.add_mutually_exclusive_group()
     bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")

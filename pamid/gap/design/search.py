@@ -79,7 +79,7 @@ class Bench(NamedTuple):
         return near(rng, run, self.limits, share)
 
     def evidence(self, table: pd.DataFrame) -> Evidence:
-        """Return a log of the bench, recorded or simulated, held against its simulator."""
+        """Return a log of the bench, recorded or simulated, compared with its simulator."""
         return Evidence(table, self.params)
 
     def recorded(self, runs: Sequence[DesignedRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:

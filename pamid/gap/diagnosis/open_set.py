@@ -12,7 +12,7 @@ more likely right than not, and with reserve (this effect, or something that loo
 above the bar at which at most one in twenty of the names reported on such logs is wrong.
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
-once, so that something is always left above the noise. As the two cannot be told apart, names are also reported where
+once, so that something always exceeds the noise. As the two cannot be distinguished, names are also reported where
 they close more than they leave, a share c, with the probability
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr).

@@ -320,7 +320,7 @@ class SignalEvidence(Straight):
         return None
 
     def deviated(self, deviations: Mapping[str, float]) -> None:
-        """Return None: whoever states the equation says how its simulator is corrected."""
+        """Return None: the owner of the equation says how its simulator is corrected."""
 
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> None:
         """Return None, see `deviated`."""

@@ -21,7 +21,7 @@ from ...simulators.base import Simulator
 from ...simulators.structure import JointPort, spread_numbers
 
 _SINGULAR = 1e6
-"""Condition number, inputs in their ranges, beyond which drives cannot be told apart."""
+"""Condition number, inputs in their ranges, beyond which drives cannot be distinguished."""
 
 
 class Instants(NamedTuple):

@@ -1,4 +1,4 @@
-"""A diagnosis before and after each further log: confidences, the main parameter, and what is left of the gap."""
+"""A diagnosis before and after each further log: confidences, the main parameter, and the remaining gap."""
 
 from __future__ import annotations
 
