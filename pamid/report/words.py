@@ -98,7 +98,9 @@ class Words(NamedTuple):
             return DisplayedQuantity(name, 1.0, "")
         muscle = name[len(bare) :]
         words, comma, which = known.words.partition(",")
-        return known._replace(words=f"{words} of muscle {muscle}{comma}{which}") if muscle and bare in SIGNALS else known
+        return (
+            known._replace(words=f"{words} of muscle {muscle}{comma}{which}") if muscle and bare in SIGNALS else known
+        )
 
     def residual(self, equation: str, unit: str) -> DisplayedQuantity:
         """Return an equation's residual as people read it."""

@@ -39,9 +39,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(
-        subparsers, "simulate", "write a log of the simulated bench", _DESCRIPTION, _EXAMPLES
-    )
+    parser = add_command(subparsers, "simulate", "write a log of the simulated bench", _DESCRIPTION, _EXAMPLES)
     bench = parser.add_mutually_exclusive_group()
     bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")
     bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a muscle of the study")
