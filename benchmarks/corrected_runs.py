@@ -57,7 +57,7 @@ def solve(number: int, seed: int, folder: Path) -> Record:
     page = out / "corrected.toml"
     if not page.is_file():
         return record | {"why": "; ".join(notes) or errors.getvalue()[-300:] or "nothing was handed over"}
-    if '"fit"' in page.read_text(encoding="utf-8"):
+    if re.search(r'^[^#\n]*"fit"', page.read_text(encoding="utf-8"), re.M):
         record["why"] = 'corrected.toml holds "fit"'
         return record
     try:

@@ -10,6 +10,8 @@ import numpy as np
 from .noise import noise_level
 
 _BINS = 1500
+_LENGTHS = 8
+"""Lengths of runs whose gains are kept at a time."""
 Gain = Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -84,8 +86,8 @@ def _without_chance(power: np.ndarray, count: np.ndarray, variance: float) -> np
     return np.where(np.repeat(seen, np.diff(np.append(bands, m))), power, count * variance)
 
 
-def derivative_risk(s: Spectrum, gain: Gain, cutoff: float) -> float:
-    """Estimate the squared error of the rate that a smoother gives, up to a constant.
+def derivative_risk(s: Spectrum, g: np.ndarray) -> float:
+    """Estimate the squared error of the rate that a smoother of a gain gives, up to a constant.
 
     Notes
     -----
@@ -93,7 +95,6 @@ def derivative_risk(s: Spectrum, gain: Gain, cutoff: float) -> float:
     Σ ω² |G Y − S|² is Σ ω² (G² |Y|² − 2 G (|Y|² − σ²)) + const: Stein's unbiased risk estimate for a linear
     smoother (DOI 10.1214/aos/1176345632), taken for the derivative.
     """
-    g = gain(s.omega, cutoff)
     return float(np.sum(s.omega**2 * (g * g * s.power - 2 * g * (s.power - s.number * s.variance))))
 
 
@@ -126,7 +127,12 @@ def tune(
 
 
 def _least_risk(spectra: list[Spectrum], periods: list[float], gain: Gain, cutoffs: np.ndarray) -> float:
-    risks = np.zeros(len(cutoffs))
+    risks, known = np.zeros(len(cutoffs)), dict[tuple[bytes, float], list[np.ndarray]]()
     for s, period in zip(spectra, periods, strict=True):
-        risks += [derivative_risk(s, gain, min(float(c) * period, 0.45)) / period**2 for c in cutoffs]
+        at, key = [min(float(c) * period, 0.45) for c in cutoffs], (s.omega.tobytes(), period)
+        if key not in known:  # runs of one length share the gains
+            while len(known) >= _LENGTHS:
+                known.pop(next(iter(known)))
+            known[key] = [gain(s.omega, c) for c in at]
+        risks += [derivative_risk(s, g) / period**2 for g in known[key]]
     return float(cutoffs[int(np.argmin(risks))] if risks.any() else cutoffs[-1])

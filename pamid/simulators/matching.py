@@ -253,7 +253,7 @@ class _Matcher:
         return sorted(new, key=lambda m: order.index(m.port)), doubts
 
     def _with_unit(
-        self, match: Match, place: Place, column: Column, degrees: str, known: Mapping[str, Match],
+        self, match: Match, place: Place, column: Column, degrees: Mapping[str, str], known: Mapping[str, Match],
         doubts: dict[str, str],
     ) -> Match | None:  # fmt: skip
         stated = column.unit if column.dimension == place.dimension else ""
@@ -282,8 +282,8 @@ class _Matcher:
         basis = "what is left over, in order" if match.port in self.left_over else "its name"
         if stated:
             return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
-        if place.dimension == "angle" and degrees:
-            return replace(match, unit="deg", why=degrees)
+        if match.port in degrees:
+            return replace(match, unit="deg", why=degrees[match.port])
         if unread := read_header(column.name).unread:
             doubts[match.port] = f"{unread} is no unit that is known: say which it is"
         beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
@@ -295,20 +295,25 @@ class _Matcher:
         what = f", read in {place.port.unit}" if place.dimension else ""
         return replace(match, unit=_own(place) if column.unit else "", why="" if match.named else f"{basis}{what}")
 
-    def _in_degrees(self, pairs: Mapping[str, str], places: Mapping[str, Place], columns: Mapping[str, Column]) -> str:
+    def _in_degrees(
+        self, pairs: Mapping[str, str], places: Mapping[str, Place], columns: Mapping[str, Column]
+    ) -> dict[str, str]:
         """Return why the angles without a unit are degrees: a log has one unit for all; empty where they are not."""
         angles = {
             p: c
             for p, c in pairs.items()
             if places[p].dimension == "angle" and columns[c].dimension != "angle" and p not in self.given
         }
-        beyond = [text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))] or [
-            f"{c} goes beyond a turn"  # a servo is seldom told to
+        beyond = {p: text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))} or {
+            p: f"{c} goes beyond a turn"  # a servo is seldom told to
             for p, c in angles.items()
             if places[p].commanded and p not in self.ranges and self._far(columns[c], places[p])
-        ]
+        }
         still = [p for p, c in angles.items() if self._beyond(p, columns[c], UNITS["deg"].factor)]
-        return f"degrees, as {beyond[0]}" if beyond and len(still) < len(beyond) else ""
+        if not beyond or len(still) >= len(beyond):
+            return {}
+        like = f"degrees, like {angles[next(iter(beyond))]}"
+        return {p: f"degrees, as {beyond[p]}" if p in beyond else like for p in angles}
 
     def _beyond(self, port: str, column: Column, factor: float) -> str:
         """Return how a column leaves the range of a port; empty where it does not or the range is unknown."""

@@ -15,9 +15,9 @@ from pamid.gap import settings
 from pamid.gap.design.known import cleaned
 from pamid.gap.design.port_family import PortLimits, draw, near
 from pamid.gap.design.ports import plan_port_run
-from pamid.gap.design.words import headroom, summary
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.simulated import evidence_of
+from pamid.report.next_run import headroom, summary
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.play_runs import played
 

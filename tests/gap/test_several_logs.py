@@ -31,13 +31,13 @@ from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
 from pamid.gap.design.score import Discrimination
 from pamid.gap.design.search import Bench, _known, plan_next
-from pamid.gap.design.words import outcomes, summary
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.several import Conditions, diagnose_logs, read_conditions
 from pamid.gap.several.go_on import go_on
 from pamid.gap.several.history import History, _mark, read_history
 from pamid.gap.several.stacked import Log, StackedEvidence
+from pamid.report.next_run import outcomes, summary
 
 NOMINAL = BenchParameters.for_muscle("B")
 RUNS = [sine(2, 10, 900), sine(6, 10, 900)]

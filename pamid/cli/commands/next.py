@@ -223,7 +223,7 @@ def _write(plan: Plan, out: Path) -> list[Path]:
 
 # --- words --------------------------------------------------------------------------------------------------
 def _tell(plan: Plan) -> None:
-    from ...gap.design.words import headroom, named, outcomes, summary
+    from ...report.next_run import headroom, named, outcomes, parameter_named, summary
 
     print(f"{summary(plan)}\n")
     if text := headroom(plan):
@@ -245,5 +245,5 @@ def _tell(plan: Plan) -> None:
         ]
         print("\n" + table(["if this is true", "against", "nats", "80 % interval", "belief then"], rows))
     if plan.shrinks:
-        rows = [[name.replace("@", " at "), number(round(factor, 2))] for name, factor in plan.shrinks.items()]
+        rows = [[parameter_named(name), number(round(factor, 2))] for name, factor in plan.shrinks.items()]
         print("\n" + table(["parameter", "interval shrinks by"], rows))

@@ -64,7 +64,7 @@ class Rival:
 def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     """Return the explanations that are not ruled out, the likeliest first."""
     outcome, best = verdict.outcome, verdict.outcome.best
-    standing = [h for h in [outcome.base, *outcome.refitted] if _stands(competition, h, best)]
+    standing = [h for h in [outcome.base, *outcome.refitted] if _stands(competition, h, verdict)]
     scored = {h.names: (competition.comparable(h), h) for h in standing}
     scored[best.names] = (competition.comparable(best), best)
     ranked = sorted(scored.values(), key=lambda s: (s[1] is not best, -s[0]))
@@ -86,8 +86,11 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
     ]
 
 
-def _stands(competition: Competition, h: Hypothesis, best: Hypothesis) -> bool:
-    """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing."""
-    return not any(competition.degenerate(h.fit, name) for name in h.names) and not (
-        h.names > best.names and h.score < best.score
-    )
+def _stands(competition: Competition, h: Hypothesis, verdict: Verdict) -> bool:
+    """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing.
+
+    What goes beyond named causes has been weighed and left out: it is no alternative to them.
+    """
+    best = verdict.outcome.best
+    more = h.names > best.names and (verdict.named or h.score < best.score)
+    return not more and not any(competition.degenerate(h.fit, name) for name in h.names)

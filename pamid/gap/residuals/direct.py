@@ -196,16 +196,17 @@ class DirectEvidence(UndoneEvidence):
         """Decide whether inputs are held over each step or interpolated to the next row."""
         if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
             return
-        known, found = self.simulator.numbers, []
+        known, found, rates = self.simulator.numbers, [], [self._base_rates]
         for self.held in (False, True):
-            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
+            if not self.held:
+                rates.insert(0, self._rates(self._x, self._u, self._ends(self._u), known))
+            self._base_rates = rates[self.held]
             self._asked.clear()
             found.append(self._residual([], known))
         others = [self._residual([], self.numbers({name: SMALL})) - found[1] for name in self.free]
         beside = np.column_stack(others) if others else np.zeros((len(found[1]), 0))
         if go_in_lines(found[1], found[0], [len(w.first) for w in self.windows], beside):
-            self.held = False
-            self._base_rates = self._rates(self._x, self._u, self._ends(self._u), known)
+            self.held, self._base_rates = False, rates[0]
             self.notes.append(NOTE)
         self._asked.clear()
 

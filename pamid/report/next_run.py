@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import math
 
-from ..settings import MATERIAL
-from .plan import AS_IT_IS, TELLS, Plan
+from ..gap.design.plan import AS_IT_IS, TELLS, Plan
+from ..gap.settings import MATERIAL
+from . import causes
+from .quantities import parameter
 
 
 def summary(plan: Plan) -> str:
@@ -96,7 +98,13 @@ def headroom(plan: Plan) -> str:
 
 def named(names: tuple[str, ...]) -> str:
     """Return a set of effects as words."""
-    return " and ".join(n.replace("@", " at ").replace("_", " ") for n in names) or "no effect"
+    return " and ".join(causes.named(*n.partition("@")[::2]) for n in names) or "no effect"
+
+
+def parameter_named(name: str) -> str:
+    """Return a parameter of an effect as words."""
+    effect, _, own = name.rpartition(".")
+    return f"{named((effect,))}: {parameter(own)}"
 
 
 def _capital(text: str) -> str:

@@ -1,0 +1,30 @@
+"""What a diagnosis leaves open."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pamid.gap.diagnosis.rivals import rivals_of
+
+
+def _explanation(score: float, **effects: float) -> Any:
+    spec = {name: {"size": size} for name, size in effects.items()}
+    return SimpleNamespace(names=frozenset(spec), score=score, fit=SimpleNamespace(spec=spec, x=np.zeros(0)))
+
+
+@pytest.mark.parametrize(("kind", "left"), [("cause", 2), ("unknown", 3)])
+def test_more_than_the_named_causes_is_no_alternative_to_them(kind: str, left: int) -> None:
+    base, best = _explanation(-900.0), _explanation(-100.0, friction=1.0)
+    more, other = _explanation(-60.0, friction=1.0, delay=1.0), _explanation(-101.0, damping=1.0)
+    outcome = SimpleNamespace(base=base, best=best, refitted=[best, more, other])
+    verdict = SimpleNamespace(kind=kind, named=kind == "cause", outcome=outcome)
+    competition = SimpleNamespace(
+        comparable=lambda h: h.score, degenerate=lambda fit, name: False, evidence=SimpleNamespace(free=[])
+    )
+    found = rivals_of(competition, verdict)  # type: ignore[arg-type]
+    assert [set(r.effects) for r in found][:1] == [{"friction"}]
+    assert len([r for r in found if r.effects]) == left
