@@ -27,9 +27,13 @@ _QUANTITIES = {
     "friction base": "dof_frictionloss", "frictionloss": "dof_frictionloss", "friction loss": "dof_frictionloss",
     "coulomb": "dof_frictionloss", "friction": "dof_frictionloss",
     "body mass": "body_mass", "mass": "body_mass", "gear": "actuator_gear",
+    "kp": "actuator_kp", "pgain": "actuator_kp", "p gain": "actuator_kp", "stiffness": "actuator_kp",
+    "kv": "actuator_kv", "kd": "actuator_kv", "dgain": "actuator_kv", "d gain": "actuator_kv",
 }  # fmt: skip
 """Names of MuJoCo's numbers in other tools, longer names first where one contains another."""
 _FILLERS = frozenset(("joint", "dof", "params", "parameters", "actuator", "pos", "value", "best", "mean"))
+_PACE = ("armature", "damping", "friction", "bias")
+"""What PACE's vector holds of each joint, in this order, before the delay."""
 _ORDERS = ("joint_order", "joint_names", "joints", "names")
 
 
@@ -134,6 +138,9 @@ def numbers_of(simulator: Simulator) -> dict[str, ModelParameter]:
         for joint in joints:
             for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
                 found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
+        for name in [n for n in found if n.startswith("actuator_kp.")]:
+            damping = f"actuator_kv.{name.partition('.')[2]}"
+            found.setdefault(damping, ModelParameter(simulator.number(damping)))
     return found
 
 
@@ -215,10 +222,22 @@ def _of_table(table: Any, source: str) -> FittedParameters:
     if not isinstance(table, Mapping):
         raise ParameterError(f"{source} holds no table.", "names and values", "Write {name: value}.")
     names: Any = next((table[k] for k in _ORDERS if _is_names(table.get(k))), [])
-    found = dict(_numbers(table, "", list(names)))
+    found = dict(_numbers(_by_joint(table, list(names)), "", list(names)))
     if not found:
         raise ParameterError(f"{source} holds no number.", "names and values", "Write {name: value}.")
     return FittedParameters(found, source=source)
+
+
+def _by_joint(table: Mapping[Any, Any], joints: list[str]) -> dict[Any, Any]:
+    """Return a table with PACE's vector of all numbers, if there is one, as lists by joint."""
+    many, out = len(joints), dict(table)
+    for key, value in table.items():
+        numbers = _flat(value)
+        if many and len(numbers) == len(_PACE) * many + 1:
+            del out[key]
+            out |= {word: numbers[k * many : (k + 1) * many] for k, word in enumerate(_PACE)}
+            out["delay"] = numbers[-1]
+    return out
 
 
 def _is_names(value: Any) -> bool:
@@ -249,7 +268,12 @@ def _one(name: str, entry: Mapping[str, Any], joints: list[str]) -> Iterator[tup
 
 
 def _flat(value: Any) -> list[float]:
-    if isinstance(value, bool) or value is None or isinstance(value, str):
+    if isinstance(value, str):  # start values of an FMU
+        try:
+            value = float(value)
+        except ValueError:
+            return []
+    if isinstance(value, bool) or value is None:
         return []
     if isinstance(value, int | float):
         return [float(value)]

@@ -21,13 +21,16 @@ from .ports import ModelParameter, Port, merged
 
 _NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
-    "actuator_gear": "actuator",
+    "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator",
 }  # fmt: skip
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
-    "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"),
+    "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"), "actuator_kp": ("N m/rad", "N/m"),
+    "actuator_kv": ("N m s/rad", "N s/m"),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
+_FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
+"""Place of a servo's gains among the parameters of its bias."""
 _IN_REST = ("body_mass", "dof_armature", "actuator_gear")
 """Numbers from which MuJoCo computes others where the model begins."""
 
@@ -47,7 +50,8 @@ class MujocoSimulator(Simulator):
         Ports whose columns, units or starts differ from the model's own.
     parameters : mapping, optional
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
-        ``dof_frictionloss.NAME`` or ``actuator_gear.NAME``; a plain number is the value itself, not a factor.
+        ``dof_frictionloss.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME`` and ``actuator_kv.NAME``;
+        a plain number is the value itself, not a factor.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it.
 
@@ -124,6 +128,9 @@ class MujocoSimulator(Simulator):
         """Return the unit of a number of the model."""
         kind, _, of = name.partition(".")
         turning, sliding = _UNITS[kind]
+        if kind in _FED_BACK:
+            at = list(self._actuators.values()).index(of)
+            return turning if _unit_of(self._m, at).startswith("rad") else sliding
         return turning if _NUMBERS[kind] == "joint" and self._turns(self._joints.index(of)) else sliding
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
@@ -153,11 +160,18 @@ class MujocoSimulator(Simulator):
     def _slot(self, name: str) -> tuple[Any, Any]:
         """Return the array of the model that holds a parameter, and where."""
         kind, _, thing = name.partition(".")
-        if kind not in _NUMBERS or thing not in _names(self._m, _NUMBERS[kind]):
-            known = [f"{k}.{n}" for k, what in _NUMBERS.items() for n in _names(self._m, what)]
+        if thing not in self._bearers(kind):
+            known = [f"{k}.{n}" for k in _NUMBERS for n in self._bearers(k)]
             raise ParameterError(f"The model has no {name!r}.", f"one of {', '.join(known[:30])}", "Correct the name.")
         at: Any = _names(self._m, _NUMBERS[kind]).index(thing)
+        if kind in _FED_BACK:
+            return _Gain(self._m, at), _FED_BACK[kind]
         return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
+
+    def _bearers(self, kind: str) -> list[str]:
+        """Return what has a number of a kind: gains have servos alone."""
+        names = _names(self._m, _NUMBERS[kind]) if kind in _NUMBERS else []
+        return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in _FED_BACK else names
 
     @classmethod
     def from_page(
@@ -171,11 +185,16 @@ class MujocoSimulator(Simulator):
         """Return the entries of the simulator file's table."""
         return {"model": named_from(self.path, folder)}
 
+    def number(self, name: str) -> float:
+        """Return a number that the model has, by the name of a parameter."""
+        array, at = self._slot(name)
+        return float(array[at])
+
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the numbers of the model that are not zero."""
         found = {}
-        for kind, what in _NUMBERS.items():
-            for name in _names(self._m, what):
+        for kind in _NUMBERS:
+            for name in self._bearers(kind) if kind != "actuator_kv" else ():  # kv is damping of the joint
                 array, at = self._slot(f"{kind}.{name}")
                 if float(array[at]) != 0.0:
                     found[f"{kind}.{name}"] = ModelParameter(float(array[at]), 0.0, self._unit(f"{kind}.{name}"))
@@ -300,6 +319,8 @@ class MujocoSimulator(Simulator):
             item = spec_item(spec, self._m, _NUMBERS[kind], thing)
             if kind == "body_mass":
                 _scale_mass(item, self._m, parameter.value / written._own(name))
+            elif kind in _FED_BACK:
+                _put_gain(item, _FED_BACK[kind], parameter.value)
             else:
                 _put(item, kind.partition("_")[2], parameter.value)
         rest = []
@@ -313,6 +334,31 @@ class MujocoSimulator(Simulator):
 
     def _own(self, name: str) -> float:
         return float(self._nominal[list(self.parameters).index(name)])
+
+
+class _Gain:
+    """A servo's gain as an array has it: it acts on what is fed back and, where the command has it too, on that."""
+
+    def __init__(self, m: Any, k: int) -> None:
+        self._m, self._k = m, k
+
+    def __getitem__(self, place: int) -> float:
+        return -float(self._m.actuator_biasprm[self._k, place])
+
+    def __setitem__(self, place: int, value: float) -> None:
+        gain, bias = self._m.actuator_gainprm[self._k], self._m.actuator_biasprm[self._k]
+        if gain[0] == -bias[place]:
+            gain[0] = value
+        bias[place] = -value
+
+
+def _put_gain(actuator: Any, place: int, value: float) -> None:
+    """Write a servo's gain into the actuator of a model as it is written."""
+    gain, bias = np.array(actuator.gainprm, dtype=float), np.array(actuator.biasprm, dtype=float)
+    if gain[0] == -bias[place]:
+        gain[0] = value
+    bias[place] = -value
+    actuator.gainprm, actuator.biasprm = gain, bias
 
 
 def _scale_mass(body: Any, m: Any, ratio: float) -> None:

@@ -89,6 +89,27 @@ def test_lists_by_joint_and_a_fitted_model_go_by_the_numbers_of_mujoco(tmp_path:
     (tmp_path / "fitted.xml").write_text(ARM.replace('damping="0.1"', 'damping="0.4" frictionloss="0.02"'))
     fit = read_fit(tmp_path / "fitted.xml").of(arm)
     assert {k: v.value for k, v in fit.numbers.items()} == {"dof_damping.hip": 0.4, "dof_frictionloss.hip": 0.02}
+    vector = {"joint_order": ["hip", "knee"], "mean": [0.01, 0.02, 0.1, 0.3, 0.4, 0.5, 0.0, 0.01, 4.2]}  # PACE's own
+    fit = read_fit(vector).of(arm)
+    assert fit.numbers["dof_frictionloss.hip"].value == 0.4 and fit.numbers["dof_damping.knee"].value == 0.3
+    assert fit.unmatched == ("bias.hip", "bias.knee", "delay")
+
+
+def test_gains_of_a_servo_are_numbers_of_it(tmp_path: Path) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    from pamid.simulators import MujocoSimulator
+
+    servo = '</worldbody><actuator><position name="act" joint="hip" kp="50" kv="2"/></actuator>'
+    (tmp_path / "arm.xml").write_text(ARM.replace("</worldbody>", servo))
+    arm = MujocoSimulator(tmp_path / "arm.xml")
+    sysid = "act_pgain: {value: [23.0], frozen: false}\nact_dgain: {value: [0.7], frozen: false}\n"
+    (tmp_path / "params_x_hat.yaml").write_text(sysid)
+    fit = read_fit(tmp_path / "params_x_hat.yaml").of(arm)
+    assert {k: v.value for k, v in fit.numbers.items()} == {"actuator_kp.act": 23.0, "actuator_kv.act": 0.7}
+    gains = MujocoSimulator(tmp_path / "arm.xml", parameters={"actuator_kp.act": 23.0, "actuator_kv.act": 0.7})
+    assert arm.own_numbers()["actuator_kp.act"].unit == "N m/rad"
+    for model in (gains.compiled(), mujoco.MjModel.from_xml_string(gains.corrected_xml()[0])):
+        assert model.actuator_gainprm[0, 0] == 23.0 and model.actuator_biasprm[0, 1:3].tolist() == [-23.0, -0.7]
 
 
 # --- the passport --------------------------------------------------------------------------------------------

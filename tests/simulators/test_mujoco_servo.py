@@ -46,6 +46,17 @@ def leg(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def test_a_servo_that_is_fifty_times_too_stiff_is_named_with_its_gain(leg: Path) -> None:
+    log = pd.read_csv(leg / "leg.csv").rename(columns={"run": "trajectory", "t": "time", "knee_vel": "knee_dq"})
+    log["knee_q"], log["knee_ctrl"] = np.radians(log["knee_pos"]), np.radians(log["knee_des"])
+    xml = LEG.format(' armature="0.02" damping="0.1"')
+    (leg / "stiff.xml").write_text(xml.replace('kp="8"', 'kp="400"'))
+    stiff = MujocoSimulator(leg / "stiff.xml", parameters={"actuator_kp.knee": 400.0})
+    (cause,) = diagnose_simulator(log, stiff, ["parameter_deviation", "coulomb_friction", "sensor_bias"]).causes
+    low, high = (400.0 * (1.0 + end) for end in cause.parameters["deviation"].ci90)
+    assert cause.where == ("actuator_kp.knee",) and 6.5 < low < 8.0 < high < 9.5
+
+
 def test_an_actuator_called_as_its_joint_is_an_input_of_its_own(leg: Path) -> None:
     simulator = MujocoSimulator(leg / "leg.xml")
     assert simulator.inputs == ("knee_ctrl", "knee_tau") and simulator.port("knee").kind == "joint"
