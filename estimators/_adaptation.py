@@ -13,12 +13,7 @@ from sklearn.base import clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import _check_feature_names_in, check_is_fitted
 
-from pamid.errors import (
-    DuplicateColumnError,
-    ExcitationWarning,
-    IncompatibleError,
-    ParameterError,
-)
+from pamid.errors import DuplicateColumnError, ExcitationWarning, IncompatibleError, ParameterError
 from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume.base import VolumeJet

@@ -39,9 +39,7 @@ def check_parameters(model: HybridParameters) -> None:
     """Raise where a parameter of a hybrid model is out of range."""
     if model.volume_model not in VOLUMES:
         raise UnknownOptionError(
-            f"volume_model={model.volume_model!r} is not known.",
-            f"one of {', '.join(VOLUMES)}",
-            "Choose one of them.",
+            f"volume_model={model.volume_model!r} is not known.", f"one of {', '.join(VOLUMES)}", "Choose one of them."
         )
     for name in ("rest_length", "rest_diameter"):
         value: Any = getattr(model, name)

@@ -241,9 +241,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         first = np.array([s.start for s in slices])
         start = self._signal(table, self.start)[first] if self.start else np.full(len(first), self.start_mean_)
         y, held = self._free(
-            (columns - self.input_mean_) / self.input_scale_,
-            (start - self.output_mean_) / self.output_scale_,
-            slices,
+            (columns - self.input_mean_) / self.input_scale_, (start - self.output_mean_) / self.output_scale_, slices
         )
         return FreeRun(y * self.output_scale_ + self.output_mean_, held, beyond)
 

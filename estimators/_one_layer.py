@@ -11,13 +11,7 @@ from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
 from pamid.fitting.epochs import local_generator, standardisation
-from pamid.fitting.one_layer import (
-    forward,
-    forward_by_columns,
-    initial_weights,
-    marquardt_on_rows,
-    unflatten,
-)
+from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
 from pamid.fitting.stream_memory import Rows
 
 from ._base import SignalRegressor

@@ -84,11 +84,7 @@ class PolynomialFlow(FlowLaw, PolynomialRegressor):
     def _basis(self, state: State) -> list[VolumeJet]:
         eps, P = state.eps, state.P
         return [
-            VolumeJet(
-                eps**i * P**j,
-                i * eps ** max(i - 1, 0) * P**j,
-                j * eps**i * P ** max(j - 1, 0),
-            )
+            VolumeJet(eps**i * P**j, i * eps ** max(i - 1, 0) * P**j, j * eps**i * P ** max(j - 1, 0))
             for i, j in self._powers()
         ]
 

@@ -373,9 +373,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         said = [s for s in (irregularity(t) for t in times if t is not None) if s]
         if said:
             warnings.warn(
-                f"{len(said)} of {len(times)} runs are not sampled evenly. {said[0]}",
-                SamplingWarning,
-                stacklevel=5,
+                f"{len(said)} of {len(times)} runs are not sampled evenly. {said[0]}", SamplingWarning, stacklevel=5
             )
 
     def _find_time(self, names: list[str], n_columns: int) -> int | None:

@@ -6,15 +6,7 @@ import os
 import sys
 from typing import TextIO
 
-_CODES = {
-    "error": "31",
-    "warning": "33",
-    "yes": "32",
-    "partly": "33",
-    "no": "31",
-    "head": "1",
-    "page": "36",
-}
+_CODES = {"error": "31", "warning": "33", "yes": "32", "partly": "33", "no": "31", "head": "1", "page": "36"}
 
 
 def coloured(stream: TextIO | None = None) -> bool:

@@ -55,11 +55,7 @@ def allowed_equations(log: BenchLog, names: Sequence[str] | None = None) -> tupl
 
 
 def residuals(
-    log: pd.DataFrame | BenchLog,
-    params: BenchParameters,
-    equations: Sequence[str] | None = None,
-    *,
-    noise: bool = True,
+    log: pd.DataFrame | BenchLog, params: BenchParameters, equations: Sequence[str] | None = None, *, noise: bool = True
 ) -> Iterator[tuple[str, str, Residual]]:
     """Go through a log and give the residual of each equation on each evenly sampled stretch.
 

@@ -25,10 +25,7 @@ def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence | Sign
 
 
 def evaluate_simulator(
-    log: pd.DataFrame | Iterable[pd.DataFrame],
-    simulator: Simulator,
-    *,
-    progress: Callable[[str], None] | None = None,
+    log: pd.DataFrame | Iterable[pd.DataFrame], simulator: Simulator, *, progress: Callable[[str], None] | None = None
 ) -> LogEvaluation:
     """Evaluate a simulator with ports on a log.
 

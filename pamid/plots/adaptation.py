@@ -49,11 +49,7 @@ class AdaptationDisplay:
     """
 
     def __init__(
-        self,
-        samples: np.ndarray,
-        errors: Mapping[str, np.ndarray],
-        before: float | None = None,
-        unit: str = "N",
+        self, samples: np.ndarray, errors: Mapping[str, np.ndarray], before: float | None = None, unit: str = "N"
     ) -> None:
         for name, values in errors.items():
             if len(values) != len(samples):

@@ -93,8 +93,7 @@ def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: s
         ax.set_xlabel(f"held-out RMSE of the {name} / {unit}, with its 90 % interval over runs")
         head = f"{title}: " if title else ""
         ax.set_title(
-            f"{head}{comparison.n_runs} runs, {comparison.n_folds} folds; blue: no different from the best",
-            pad=10,
+            f"{head}{comparison.n_runs} runs, {comparison.n_folds} folds; blue: no different from the best", pad=10
         )
         if path is not None:
             save_figure(figure, path)

@@ -52,12 +52,7 @@ class ForceMapDisplay:
 
     @classmethod
     def from_estimator(
-        cls,
-        estimator: Any,
-        X: pd.DataFrame,
-        *,
-        atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
-        n_points: int = 60,
+        cls, estimator: Any, X: pd.DataFrame, *, atmospheric_pressure: float = ATMOSPHERIC_PRESSURE, n_points: int = 60
     ) -> Self:
         """Predict the force at rest over the range of the data.
 

@@ -193,13 +193,7 @@ class VolumeSurfaceDisplay:
         return cls(eps, P - atmospheric_pressure, stack.mean(axis=0), spread, known)
 
     @classmethod
-    def from_predictions(
-        cls,
-        eps: Any,
-        p_gauge: Any,
-        V: Any,
-        V_std: Any = None,
-    ) -> Self:
+    def from_predictions(cls, eps: Any, p_gauge: Any, V: Any, V_std: Any = None) -> Self:
         """Take a surface as it is.
 
         Parameters

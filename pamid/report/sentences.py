@@ -9,16 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .causes import cause_names, causes_listed, either, size
 from .doubts import question
-from .quantities import (
-    NOT_EFFECTS,
-    amount,
-    at_least,
-    effect,
-    listed,
-    percent,
-    probability,
-    share_span,
-)
+from .quantities import NOT_EFFECTS, amount, at_least, effect, listed, percent, probability, share_span
 from .words import BENCH, Words
 
 if TYPE_CHECKING:

@@ -240,7 +240,5 @@ def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:
 def sampling_error(sentences: list[str]) -> SamplingError:
     """Return the error for sampling that the caller does not accept."""
     return SamplingError(
-        "; ".join(sentences) + ".",
-        "steady sampling at one rate",
-        "Read with sampling='warn', or resample the log.",
+        "; ".join(sentences) + ".", "steady sampling at one rate", "Read with sampling='warn', or resample the log."
     )

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import (
-    ColumnTypeError,
-    DuplicateColumnError,
-    EmptyLogError,
-    MappingError,
-    MissingColumnError,
-)
+from pamid.errors import ColumnTypeError, DuplicateColumnError, EmptyLogError, MappingError, MissingColumnError
 
 from .formats import TRAJECTORY, names_column
 from .mapping import LogMapping, SignalMapping

@@ -10,13 +10,7 @@ import numpy as np
 from sklearn.model_selection import BaseCrossValidator
 from sklearn.utils import check_random_state
 
-from pamid.errors import (
-    MissingTrajectoryError,
-    ParameterError,
-    ShapeError,
-    TooFewTrajectoriesError,
-    TrajectoryError,
-)
+from pamid.errors import MissingTrajectoryError, ParameterError, ShapeError, TooFewTrajectoriesError, TrajectoryError
 
 
 def trajectories_of(X: Any, groups: Any = None, *, needed_by: str = "The split") -> np.ndarray:

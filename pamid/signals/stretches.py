@@ -20,11 +20,7 @@ def equal_stretches(x: np.ndarray, codes: np.ndarray | None = None) -> list[tupl
 
 
 def stuck_rows(
-    x: np.ndarray,
-    moves: Callable[[int, int], bool],
-    codes: np.ndarray | None = None,
-    *,
-    longer_than: int | None = None,
+    x: np.ndarray, moves: Callable[[int, int], bool], codes: np.ndarray | None = None, *, longer_than: int | None = None
 ) -> np.ndarray:
     """Return the rows in which a reading repeats one value for long while something else moves.
 

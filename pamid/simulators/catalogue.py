@@ -124,22 +124,10 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                     for p in effect.parameters
                     if (p.share and p.nominal == 0.0) or (p.skew and not survey.turns(port.name))
                 )
-                found.append(
-                    placed(
-                        name,
-                        effect,
-                        port.name,
-                        hook,
-                        "input",
-                        port.name,
-                        {},
-                        scales,
-                        port.unit,
-                        port.unit,
-                        hidden,
-                        reach=survey.tops.get(port.name, span),
-                    )
-                )
+                found.append(placed(
+                    name, effect, port.name, hook, "input", port.name, {}, scales, port.unit, port.unit, hidden,
+                    reach=survey.tops.get(port.name, span),
+                ))  # fmt: skip
     return found
 
 
@@ -152,22 +140,10 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
         for name, (kind, effect) in port_effects().items():
             if kind == "output":
-                found.append(
-                    placed(
-                        name,
-                        effect,
-                        port,
-                        "measure",
-                        "output",
-                        port,
-                        {},
-                        scales,
-                        unit,
-                        unit,
-                        reach=survey.tops.get(port, span),
-                        least=(1.0 - NEAR_END) * survey.ends.get(port, 0.0),
-                    )
-                )
+                found.append(placed(
+                    name, effect, port, "measure", "output", port, {}, scales, unit, unit,
+                    reach=survey.tops.get(port, span), least=(1.0 - NEAR_END) * survey.ends.get(port, 0.0),
+                ))  # fmt: skip
     return found
 
 
@@ -195,24 +171,10 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
-            found.append(
-                placed(
-                    name,
-                    effect,
-                    joint.name,
-                    "force",
-                    enters,
-                    at,
-                    used,
-                    scales,
-                    joint.unit,
-                    unit,
-                    hidden,
-                    prior,
-                    range_of=span / scale,
-                    interval=survey.interval,
-                )
-            )
+            found.append(placed(
+                name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior,
+                range_of=span / scale, interval=survey.interval,
+            ))  # fmt: skip
     return found
 
 

@@ -85,8 +85,8 @@ def columns_of(names: Sequence[str]) -> list[Column]:
     for c in found:
         if c.dimensions and not c.apart:
             spoken.setdefault(c.dimensions, []).append(set(tokens(c.name)) & set(ROLE_OF))
-    shared = [set.intersection(*words) for words in spoken.values()]
-    some = [set.union(*words) - set.intersection(*words) for words in spoken.values()]
+    shared = [words[0].intersection(*words) for words in spoken.values()]
+    some = [words[0].union(*words) - words[0].intersection(*words) for words in spoken.values()]
     silent = {w for w, n in Counter(w for words in shared for w in words).items() if n > 1} - set().union(*some)
     return [column_of(name, silent) for name in names] if silent else found
 

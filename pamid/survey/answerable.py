@@ -319,13 +319,7 @@ RULES = (
 )
 """The questions, in the order of the page."""
 
-WORDS = {
-    "F": "a force",
-    "mdot": "a mass flow",
-    "u": "the valve's command",
-    "P": "a pressure",
-    "position": "a position",
-}
+WORDS = {"F": "a force", "mdot": "a mass flow", "u": "the valve's command", "P": "a pressure", "position": "a position"}
 
 
 def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind: str = "bench") -> list[Answerable]:

@@ -349,10 +349,7 @@ class Draft:
 
 
 def draft_for(
-    paths: str | Path | Sequence[str | Path],
-    kind: str = "",
-    numbers: Sequence[str] = (),
-    encoding: str | None = None,
+    paths: str | Path | Sequence[str | Path], kind: str = "", numbers: Sequence[str] = (), encoding: str | None = None
 ) -> Draft:
     """Look at logs and propose a mapping.
 

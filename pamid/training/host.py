@@ -183,12 +183,7 @@ class HostGradient:
     """
 
     def __init__(
-        self,
-        flat: np.ndarray,
-        out: np.ndarray,
-        shapes: Sequence[tuple[int, ...]],
-        activation: str,
-        threads: int = 1,
+        self, flat: np.ndarray, out: np.ndarray, shapes: Sequence[tuple[int, ...]], activation: str, threads: int = 1
     ) -> None:
         theta = cut(flat, shapes)
         # The first share adds up in place.

@@ -49,12 +49,7 @@ class VolumeReport(NamedTuple):
 
 
 def check_volume(
-    jet: VolumeJet,
-    state: State,
-    *,
-    rest_volume: float | None = None,
-    level_known: bool = True,
-    warn: bool = True,
+    jet: VolumeJet, state: State, *, rest_volume: float | None = None, level_known: bool = True, warn: bool = True
 ) -> VolumeReport:
     """Return whether an identified volume makes physical sense.
 

@@ -132,9 +132,7 @@ class NeuralVolume:
         xi, slope = self.scale.apply(x)
         value, (d_eps, d_P) = network_jet(self.weights, xi, (0, 2), self.activation)
         return VolumeJet(
-            self.volume_scale * value,
-            self.volume_scale * d_eps * slope[:, 0],
-            self.volume_scale * d_P * slope[:, 2],
+            self.volume_scale * value, self.volume_scale * d_eps * slope[:, 0], self.volume_scale * d_P * slope[:, 2]
         )
 
     def slope_at(self, state: State) -> Array:

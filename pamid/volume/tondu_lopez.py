@@ -107,9 +107,7 @@ class TonduLopezVolume(ClassicalVolume):
         gained = eps * (1.0 + left + left * left) / 3.0
         gained_k = -(eps**2) * (1.0 + 2.0 * left) / 3.0
         return VolumeJet(
-            V0 * (1.0 + a * gained - b * eps),
-            V0 * (a * left * left - b),
-            -V0 * a * gained_k * rise / PRESSURE_SCALE,
+            V0 * (1.0 + a * gained - b * eps), V0 * (a * left * left - b), -V0 * a * gained_k * rise / PRESSURE_SCALE
         )
 
 

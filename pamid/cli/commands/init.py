@@ -7,11 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import (
-    OutputError,
-    PamidError,
-    ParameterError,
-)
+from ...errors import OutputError, PamidError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from .._ask import Asker

@@ -185,12 +185,7 @@ def _unexplained(
     return [name for name in material if _beyond(after[parts[name]]) > 0.5 * _beyond(before[parts[name]])]
 
 
-def _causes(
-    fitter: Fitter,
-    verdict: Verdict,
-    clusters: Clusters,
-    closure: list[Closure],
-) -> list[Cause]:
+def _causes(fitter: Fitter, verdict: Verdict, clusters: Clusters, closure: list[Closure]) -> list[Cause]:
     evidence, fit, part_of = fitter.evidence, clusters.fit, verdict.part_of
     parameters = clusters.parameters()
     whole = evidence.z(fit.spec)

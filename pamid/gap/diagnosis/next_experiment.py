@@ -33,10 +33,7 @@ CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
 
 
 def next_experiment(
-    evidence: Evidence,
-    verdict: Verdict,
-    params: BenchParameters,
-    here: Callable[[Spec], Spec] = dict,
+    evidence: Evidence, verdict: Verdict, params: BenchParameters, here: Callable[[Spec], Spec] = dict
 ) -> tuple[NextExperiment | None, tuple[str, ...]]:
     """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
     two = _rivals(verdict)

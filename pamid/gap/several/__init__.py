@@ -6,13 +6,4 @@ from .history import History, read_history
 from .logs import diagnose as diagnose_logs
 from .result import Change, LogFinding
 
-__all__ = [
-    "Change",
-    "Conditions",
-    "History",
-    "LogFinding",
-    "diagnose_logs",
-    "go_on",
-    "read_conditions",
-    "read_history",
-]
+__all__ = ["Change", "Conditions", "History", "LogFinding", "diagnose_logs", "go_on", "read_conditions", "read_history"]

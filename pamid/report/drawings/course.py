@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 
 def course_figure(
-    d: Diagnosis,
-    equation: str | None = None,
-    trajectory: str | None = None,
-    limits: tuple[float, float] | None = None,
+    d: Diagnosis, equation: str | None = None, trajectory: str | None = None, limits: tuple[float, float] | None = None
 ) -> Figure:
     """Draw what was measured in a run, and what the simulator says without and with the causes."""
     equation = chosen_equation(d, equation)

@@ -40,10 +40,7 @@ _STILL = {"eps": 2e-3, "q": 1e-2, "P": 2e3, "u": 2e-2}  # a range below which a 
 
 
 def loop_figure(
-    d: Diagnosis,
-    equation: str | None = None,
-    trajectory: str | None = None,
-    limits: tuple[float, float] | None = None,
+    d: Diagnosis, equation: str | None = None, trajectory: str | None = None, limits: tuple[float, float] | None = None
 ) -> Figure:
     """Draw the residual of a run over the state and over time."""
     equation = chosen_equation(d, equation)
