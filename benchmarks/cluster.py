@@ -35,7 +35,7 @@ def search(fits: int, iterations: int, n_jobs: int | None) -> GridSearchCV:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--rounds", type=int, default=3, help="searches of each kind, by turns (default: 3)")
+    parser.add_argument("--rounds", type=int, default=3, help="searches of each kind, in turn (default: 3)")
     parser.add_argument("--fits", type=int, default=24, help="fits a search (default: 24)")
     parser.add_argument("--iterations", type=int, default=20, help="iterations a fit (default: 20)")
     parser.add_argument("--rows", type=int, default=1500, help="rows (default: 1500)")
@@ -61,7 +61,7 @@ def main() -> None:
                 taken["loky"].append(spent)
                 taken["dask"].append(again)
         ratios = np.array(taken["dask"]) / np.array(taken["loky"])
-        print(f"search of {args.fits} fits on {args.rows:,} rows, medians of {args.rounds} by turns:")
+        print(f"search of {args.fits} fits on {args.rows:,} rows, medians of {args.rounds} in turn:")
         print(
             f"loky, 2 jobs {np.median(taken['loky']):6.2f} s   dask, 2 workers {np.median(taken['dask']):6.2f} s   "
             f"ratio {np.median(ratios):.3f} ({ratios.min():.3f} to {ratios.max():.3f}; target: at most 1.15)"

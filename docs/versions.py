@@ -1,9 +1,9 @@
 """Keep the versions of the site beside each other: ``python docs/versions.py build/site``.
 
-Sphinx writes each version into a folder of its own; those that stand there stay. What lies beside them is written anew:
-``versions.json`` for programs, ``versions.js`` with the same for pages (which load a script from a disk as from a
-server, but JSON from a server alone), ``index.html`` and ``latest/``, which lead to the newest version.
-"""
+Sphinx writes each version into a folder of its own; those that stand there stay. The files beside them are written
+again: ``versions.json`` for programs, ``versions.js`` with the same for pages (which load a script from a disk as
+from a server, but JSON from a server alone), ``index.html`` and ``latest/``, which lead to the newest version.
+""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _leading_to(version: str, page: str, up: str) -> str:
 
 
 def bind(site: Path) -> list[str]:
-    """Write what lies beside the versions; return these, the newest first."""
+    """Write the files beside the versions; return the versions, the newest first."""
     names = versions(site)
     if not names:
         raise SystemExit(f"{site} holds no version: a folder such as 0.1.0 with an index.html is expected.")

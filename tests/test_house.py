@@ -269,6 +269,22 @@ def test_nothing_is_left_for_later_and_nothing_names_a_machine() -> None:
             assert not re.search(f"{later}|{machine}", line), f"{name(path)}:{number}: {line.strip()}"
 
 
+def test_no_phrase_reads_as_translated() -> None:
+    """Phrases that a native reader reads twice: say in turn, compared with, the remainder, is invalid."""
+    found = "|".join(
+        (
+            r"\bby tur" + "ns",
+            "held aga" + "inst",
+            "what is left o" + r"f\b",
+            "one behind the oth" + "er",
+            "is none o" + "f",
+        )
+    )
+    for path in [*CODE, *PAPERS]:
+        for number, line in enumerate(lines(path), 1):
+            assert not re.search(found, line), f"{name(path)}:{number}: {line.strip()}"
+
+
 # --- what is shipped ----------------------------------------------------------------------------------------
 def test_every_package_on_disk_is_shipped_and_nothing_else() -> None:
     where = PROJECT["tool"]["setuptools"]["package-dir"]

@@ -56,7 +56,7 @@ def readings(log: pd.DataFrame) -> list[Readings]:
 
 
 def refitted(case: Case, params: BenchParameters) -> BenchParameters:
-    """Return the nominal simulator refitted within its tolerances by own code: what a correction is held against."""
+    """Return the nominal simulator refitted within its tolerances by own code: the reference for a correction."""
     changes = refit(nominal(case.spec.muscle), readings(case.log))
     return params.replace(**{LONG[k]: params.get(LONG[k]) * (1.0 + v) for k, v in changes.items()})
 

@@ -139,7 +139,7 @@ class HeldOut:
         self.nominal = self.left(np.zeros((len(self.y), 0)))[0]
 
     def left(self, extra: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return what is left of the whitened residuals, a fold under a fit of the others, and the fits' own error."""
+        """Return the whitened residuals of each fold under a fit to the others, and the fits' own error."""
         A = np.column_stack([self.T, extra])
         ridge = np.concatenate([self.ridge, np.full(extra.shape[1], 1e-9)])
         left, trained = np.empty_like(self.y), 0.0
@@ -341,7 +341,7 @@ def sindy(shared: HeldOut, f: dict[str, np.ndarray]) -> Answer:
 def _chosen_terms(
     optimizer: Any, A: np.ndarray, y: np.ndarray, rows: np.ndarray, shared: HeldOut, threshold: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return what is left of an equation's residuals, held out, and the squared coefficients summed over the folds."""
+    """Return the held-out residuals of an equation, and the squared coefficients summed over the folds."""
     left, sizes = y.copy(), np.zeros(A.shape[1])
     for train, test in shared.folds():
         B, z = A[rows & train], y[rows & train]

@@ -12,7 +12,7 @@ from .values import Parameter
 
 
 class TorqueLoss(Effect):
-    r"""Share of the transmitted force that is lost, another one where the load drives the motor.
+    r"""Share of the transmitted force that is lost; a different share where the load drives the motor.
 
     .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \eta_d \text{ where } F z > 0, \text{ else } \eta_b
 

@@ -124,7 +124,7 @@ def main_causes(d: Diagnosis) -> list[Cause]:
 
 
 def _more(d: Diagnosis) -> str:
-    """Return that a gap is left whose cause is none of the named ones."""
+    """Say that a gap remains whose cause is not among the named ones."""
     if not d.unexplained:
         return ""
     where_left = listed([Words.of(d).in_equation(name).removeprefix("in ") for name in d.unexplained])

@@ -390,7 +390,7 @@ def write_log(log: pd.DataFrame, path: PathLike) -> Path:
     Raises
     ------
     LogFormatError
-        If the ending is none of these.
+        If the ending is not one of these.
     ColumnTypeError
         If a run has no name, or one that a file cannot hold.
     OutputError

@@ -128,7 +128,7 @@ class Simulator:
         Raises
         ------
         ParameterError
-            There is none of that name.
+            No such name.
         """
         for p in self.ports:
             if p.name == name:

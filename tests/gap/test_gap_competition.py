@@ -215,7 +215,7 @@ Shares = dict[frozenset[str], dict[str, float]]
 
 
 def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozenset[str], float]) -> frozenset[str]:
-    """Return what is left of the largest set, given how much of its own each effect has and what each set is worth."""
+    """Return the largest set after pruning, given how much of its own each effect has and what each set is worth."""
     competition = object.__new__(Competition)
     evidence = SimpleNamespace(
         tangent=lambda spec, x: np.zeros(4),

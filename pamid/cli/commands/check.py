@@ -148,7 +148,7 @@ def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[
 
 
 def _check_targets(args: argparse.Namespace) -> None:
-    """Say what stands in the way of the results before anything expensive starts."""
+    """Check the paths of the results before anything expensive starts."""
     if args.html:
         checked_output(args.html, [*args.log, args.sim, args.columns], _ROOM)
     if args.out:
