@@ -3,7 +3,7 @@
 Sphinx writes each version into a folder of its own; those that stand there stay. The files beside them are written
 again: ``versions.json`` for programs, ``versions.js`` with the same for pages (which load a script from a disk as
 from a server, but JSON from a server alone), ``index.html`` and ``latest/``, which lead to the newest version.
-""
+"""
 
 from __future__ import annotations
 
