@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.errors import MissingDependencyError, ParameterError, ShortTrajectoryError
+from pamid.errors import ParameterError, ShortTrajectoryError, needs
 from pamid.fitting.epochs import standardisation
 
 from ._base import SignalRegressor
@@ -218,14 +218,8 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
             python-control is not installed.
         """
         check_is_fitted(self)
-        try:
+        with needs("python-control", "control", "control"):
             import control
-        except ImportError:
-            raise MissingDependencyError(
-                "python-control is not installed.",
-                "the package control, to convert the model",
-                "pip install 'pamid[control]'.",
-            ) from None
         B, size = self.B_ / self.input_scale_, self.output_scale_
         D = (size * self.D_ / self.input_scale_)[None]
         return control.StateSpace(self.A_, B, size * self.C_[None], D, sampling_interval)

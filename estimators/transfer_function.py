@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
 
-from pamid.errors import MissingDependencyError
+from pamid.errors import needs
 
 from ._checks import check_counts
 from ._narx import NARXRegressor
@@ -164,14 +164,8 @@ class TransferFunction(NARXRegressor):
             python-control is not installed.
         """
         check_is_fitted(self)
-        try:
+        with needs("python-control", "control", "control"):
             import control
-        except ImportError:
-            raise MissingDependencyError(
-                "python-control is not installed.",
-                "the package control, to convert the model",
-                "pip install 'pamid[control]'.",
-            ) from None
         b, a = self.numerators_[input_name], self.denominator_
         size = max(len(a), len(b) + int(self.delay))
         numerator = np.concatenate([np.zeros(int(self.delay)), b])

@@ -6,6 +6,9 @@ so ``except ValueError`` keeps working and the command line can turn any `PamidE
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 _MOST = 2_000
 """Characters of a part of a message: what a file holds, however long, must not fill the screen."""
 
@@ -314,6 +317,16 @@ class ExportError(PamidError, ValueError):
 
 class MissingDependencyError(PamidError, ImportError):
     """An optional dependency is not installed."""
+
+
+@contextmanager
+def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
+    """Let an import that fails within a block say which optional dependency to install."""
+    try:
+        yield
+    except ImportError:
+        found, expected = f"{package} is not installed.", f"the package {module or package}"
+        raise MissingDependencyError(found, expected, f"Install it: pip install 'pamid[{extra}]'.") from None
 
 
 # --- warnings -----------------------------------------------------------------------------------------------

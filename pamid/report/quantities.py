@@ -17,21 +17,14 @@ NOT_EFFECTS = ("none", "unknown")
 
 
 class DisplayedQuantity(NamedTuple):
-    """A signal as people read it.
-
-    Parameters
-    ----------
-    words : str
-        What it is called.
-    factor : float
-        From SI to the unit shown.
-    unit : str
-        The unit shown; empty for a plain number.
-    """
+    """A signal as people read it."""
 
     words: str
+    """What it is called."""
     factor: float
+    """From SI to the unit shown."""
     unit: str
+    """The unit shown; empty for a plain number."""
 
     @property
     def label(self) -> str:

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from ..errors import MissingDependencyError, ParameterError
+from ..errors import ParameterError, needs
 from .base import Simulator
 from .function import ask_function, load_function, written_source
 from .ports import ModelParameter, Port, merged
@@ -117,12 +117,8 @@ class ControlSimulator(Simulator):
 
 
 def _state_space(system: Any) -> Any:
-    try:
+    with needs("python-control", "control", "control"):
         import control
-    except ImportError:
-        raise MissingDependencyError(
-            "python-control is not installed.", "the package control", "Install it: pip install 'pamid[control]'."
-        ) from None
     if not isinstance(system, (control.StateSpace, control.TransferFunction)):
         raise ParameterError(
             f"The system is a {type(system).__name__}.", "a StateSpace or TransferFunction", "Convert it first."

@@ -8,7 +8,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
-from ..errors import MissingDependencyError, SimulatorNotFoundError, SimulatorSyntaxError
+from ..errors import SimulatorNotFoundError, SimulatorSyntaxError, needs
 from .workers import ended, started
 
 MOST_BYTES = 50_000_000
@@ -107,12 +107,8 @@ _PLAIN_SHAPES = frozenset(["plane", "sphere", "capsule", "ellipsoid", "cylinder"
 
 def mujoco_module() -> Any:
     """Return the package mujoco, kept from writing its log into the user's folder."""
-    try:
+    with needs("MuJoCo", "mujoco", "mujoco"):
         import mujoco
-    except ImportError:
-        raise MissingDependencyError(
-            "MuJoCo is not installed.", "the package mujoco", "Install it: pip install 'pamid[mujoco]'."
-        ) from None
     if not getattr(mujoco, "_pamid_quiet", False):
         # Without a handler MuJoCo appends each warning to MUJOCO_LOG.TXT; pamid itself reports values that are not
         # finite.

@@ -17,7 +17,7 @@ from sklearn.model_selection import GridSearchCV, GroupKFold
 from pamid.cli import main
 from pamid.compare import compare
 from pamid.distributed import on_dask
-from pamid.errors import MissingDependencyError, ParameterError
+from pamid.errors import MissingDependencyError, ParameterError, needs
 
 
 class FragileForce(StaticPIHM):
@@ -119,3 +119,9 @@ def test_a_cluster_that_is_not_there_is_named(tmp_path, capsys):
         log.write_text("trajectory,time,eps,P,F\n")
         assert main(["compare", str(log), "--dask", "2"]) == 2
         assert "pamid[distributed]" in capsys.readouterr().err
+
+
+def test_a_package_that_is_missing_is_named_with_what_installs_it() -> None:
+    said = r"python-control is not installed. Expected the package control. .*pip install 'pamid\[control\]'"
+    with pytest.raises(MissingDependencyError, match=said), needs("python-control", "control", "control"):
+        raise ImportError("No module named 'control'")

@@ -139,8 +139,8 @@ def test_a_parameter_changes_with_the_units_as_its_dimension_says(name):
 
     effect = make_effect(name)
     other = cls()
-    for key, v in scaling.values({name: effect.values})[name].items():
-        setattr(other, key, v)
+    for p in cls.parameters:
+        setattr(other, p.name, effect.values[p.name] * scaling.factor(cls, p))
     start, hook = np.array([0]), "torque" if "torque" in cls.hooks() else "force"
     try:
         want = getattr(effect, hook)(inner, effect.trace(inner, Bare, 0.5 / 60, start), Bare)

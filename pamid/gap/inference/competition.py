@@ -24,19 +24,7 @@ LARGE = 4
 
 
 class Competition(FirstOrder):
-    """The hypotheses about one log.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    library : sequence of str
-        Effects that may be named.
-    progress : callable, optional
-        Called with a text at each step.
-    known : mapping of str to sequence of Template, optional
-        The templates of effects on this evidence, where they are known already.
-    """
+    """The hypotheses about one log; the parameters are those of `FirstOrder`."""
 
     def __init__(
         self,

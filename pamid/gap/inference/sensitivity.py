@@ -23,34 +23,24 @@ PEAKS = 4
 
 @dataclass(frozen=True)
 class Template:
-    """An effect at one point of its grid, linear in what is left to fit.
-
-    Parameters
-    ----------
-    effect : str
-        Its name.
-    fixed : dict of str to float
-        Values of the parameters on the grid.
-    linear : tuple of str
-        The parameters that the columns belong to; empty where the only column is the effect as a whole.
-    columns : array, shape (n_windows, n_columns)
-        Change of the residuals for a unit of each parameter, or for the effect as it stands.
-    lower, upper : array, shape (n_columns,)
-        Bounds of the coefficients.
-    top : float, default=inf
-        Of a limit, where it begins to act: what the signal reaches.
-    kind : class, optional
-        The effect.
-    """
+    """An effect at one point of its grid, linear in what is left to fit."""
 
     effect: str
+    """Its name."""
     fixed: dict[str, float]
+    """Values of the parameters on the grid."""
     linear: tuple[str, ...]
+    """The parameters that the columns belong to; empty where the only column is the effect as a whole."""
     columns: np.ndarray
+    """Change of the residuals for a unit of each parameter, or for the effect as it stands. Shape (n_windows,
+    n_columns)."""
     lower: np.ndarray
     upper: np.ndarray
+    """Bounds of the coefficients, shape (n_columns,)."""
     top: float = np.inf
+    """Of a limit, where it begins to act: what the signal reaches."""
     kind: type[Effect] | None = None
+    """The effect."""
 
     @property
     def family(self) -> str:

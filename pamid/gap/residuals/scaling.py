@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...effects import Effect, Parameter, all_effects
-from .protocol import Spec
+from ...effects import Effect, Parameter
 from .units import powers_of
 
 Table = Mapping[str, np.ndarray]
@@ -68,18 +67,6 @@ class Scaling:
         for name, power in powers_of(p.unit).items():
             factor *= base.get(name, 1.0) ** power
         return factor
-
-    def values(self, spec: Spec, outward: bool = True) -> dict[str, dict[str, float]]:
-        """Return effects with their values in units of the log, or back in typical ones."""
-        library = all_effects()
-        found: dict[str, dict[str, float]] = {}
-        for name, values in spec.items():
-            known = {p.name: p for p in library[name].parameters}
-            found[name] = {}
-            for key, v in values.items():
-                p, f = known[key], self.factor(library[name], known[key])
-                found[name][key] = v * f if outward else float(np.clip(v / f, p.lower, p.upper))
-        return found
 
 
 def scaling_of(

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pamid.errors import MissingDependencyError
+from pamid.errors import MissingDependencyError, needs
 
 from . import Format, RawTable
 from ._foreign import foreign_reader, require_all
@@ -23,12 +23,8 @@ _WHOLE = "a complete MCAP file of JSON or ROS 2 messages"
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read all topics as one table: columns ``/topic.field``, times at which messages were logged."""
-    try:
+    with needs("mcap", "robot"):
         from mcap.reader import make_reader
-    except ImportError:
-        raise MissingDependencyError(
-            "mcap is not installed.", "the package mcap", "Install it: pip install 'pamid[robot]'."
-        ) from None
     found, count = Messages(), 0
     with foreign_reader(path, _WHOLE), path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pamid.errors import LogFormatError, MissingDependencyError
+from pamid.errors import LogFormatError, needs
 
 from . import Format, RawTable
 from ._foreign import foreign_reader, require_all
@@ -25,13 +25,9 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
     Of ROS 2 a recording is a folder: its ``.db3`` stands for all of it.
     """
-    try:
+    with needs("rosbags", "robot"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
-    except ImportError:
-        raise MissingDependencyError(
-            "rosbags is not installed.", "the package rosbags", "Install it: pip install 'pamid[robot]'."
-        ) from None
     two = path.suffix.lower() != ".bag"
     if two and not (path.parent / "metadata.yaml").is_file():
         raise LogFormatError(

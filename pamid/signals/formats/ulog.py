@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import MissingDependencyError
+from pamid.errors import needs
 
 from . import Format, RawTable
 from ._foreign import foreign_reader
@@ -27,12 +27,8 @@ _KINDS = frozenset(bytes([k]) for k in b"BFIMPQARDLCSO")
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read all topics as one table; of several instances of a topic the later ones are ``topic_1``, ``topic_2``."""
-    try:
+    with needs("pyulog", "robot"):
         from pyulog import ULog
-    except ImportError:
-        raise MissingDependencyError(
-            "pyulog is not installed.", "the package pyulog", "Install it: pip install 'pamid[robot]'."
-        ) from None
     topics = {}
     with foreign_reader(path, "a complete ULog"):
         log = ULog(str(path))
