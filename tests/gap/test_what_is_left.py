@@ -1,4 +1,4 @@
-"""What a diagnosis leaves open."""
+"""What a diagnosis leaves open, and what a cause explains that the tolerances do not."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from pamid.gap.diagnosis.rivals import rivals_of
+from pamid.gap.diagnosis.signs import _within_tolerances
 
 
 def _explanation(score: float, **effects: float) -> Any:
@@ -28,3 +29,15 @@ def test_more_than_the_named_causes_is_no_alternative_to_them(kind: str, left: i
     found = rivals_of(competition, verdict)  # type: ignore[arg-type]
     assert [set(r.effects) for r in found][:1] == [{"friction"}]
     assert len([r for r in found if r.effects]) == left
+
+
+def test_a_cause_far_beyond_the_tolerances_is_not_explained_by_them() -> None:
+    """A gain of -29 % acts as mass, damping and stiffness would together, all of them far beyond 2 %."""
+    rng = np.random.default_rng(0)
+    J = rng.standard_normal((500, 3))
+    whole = J @ [14.0, -6.0, 0.5]
+    taken = _within_tolerances(J, whole, np.array([0.0, 0.2, 0.0]))
+    at = np.array([0.0, 0.2, 0.0])
+    assert np.all(np.abs(at + taken) < 1.01) and taken[0] > 1.0
+    assert np.linalg.norm(whole - J @ taken) > 0.8 * np.linalg.norm(whole)
+    assert np.allclose(_within_tolerances(J, 0.01 * whole, np.zeros(3)), [0.14, -0.06, 0.005])

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
+from ..inference.gauss_newton import SLACK
 from ..inference.hypotheses import Outcome
 from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU, OF_ITS_OWN
@@ -153,10 +154,10 @@ class _Told:
         """Return how far runs and parts of the state disagree on a cause, and how uncertain it is."""
         evidence, fit, whole = self.evidence, self.best.fit, self.whole[name]
         # A parameter at the end of its tolerance explains nothing more: a cause may be what is beyond.
-        J = evidence.slopes(fit.spec, fit.x)[:, fit.inside]
+        J, x = evidence.slopes(fit.spec, fit.x)[:, fit.inside], fit.x[fit.inside]
         # A cause by the same parameter is its change beyond the tolerance, which the tolerance cannot explain.
-        others = J[:, ~np.isclose(np.abs(_cosines(J, whole)), 1.0, atol=1e-2)]
-        d = whole - others @ np.linalg.lstsq(others, whole, rcond=None)[0] if others.shape[1] else whole
+        own = ~np.isclose(np.abs(_cosines(J, whole)), 1.0, atol=1e-2)
+        d = whole - J[:, own] @ _within_tolerances(J[:, own], whole, x[own])
         information, score = self.weight * d * d, -self.weight * d * fit.z
         runs, uneven = over_labels(evidence.block, information, score), 0.0
         for x in evidence.state.values():
@@ -182,6 +183,17 @@ class _Told:
             others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
             d = d - others @ np.linalg.lstsq(others, d, rcond=1e-9)[0]
         return over_stretches(self.evidence, d * d, -d * size * self.best.fit.z).half
+
+
+def _within_tolerances(J: np.ndarray, whole: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Return the changes of parameters within their tolerances that come nearest to a cause."""
+    from scipy.optimize import lsq_linear
+
+    low, high = -SLACK - x, SLACK - x
+    free = np.linalg.lstsq(J, whole, rcond=None)[0] if len(x) else x
+    if np.all((free >= low) & (free <= high)):
+        return free
+    return np.asarray(lsq_linear(J, whole, (low, high), method="bvls").x)
 
 
 def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:
