@@ -80,9 +80,11 @@ docs: install
 dist: install
 	$(BIN)/python .ci/dist.py
 
-# The wheel is installed into a new environment and used there, away from the checkout.
+# The wheel is installed into a new environment and used there, away from the checkout: commands, and tests of the rooms
+# that read files of the package. WHEEL_TESTS= runs all tests of less than a second.
+WHEEL_TESTS ?= tests/laws tests/signals tests/report
 wheel: dist
-	$(BIN)/python .ci/wheel.py
+	$(THREADS) $(BIN)/python .ci/wheel.py --tests -q -n $(WORKERS) $(WHEEL_TESTS)
 
 benchmarks: install
 	@for file in benchmarks/[!_]*.py; do echo "== $$file"; $(THREADS) $(BIN)/python $$file || exit 1; done

@@ -1,8 +1,9 @@
 """Try the wheel of dist/ in an environment of its own, away from the checkout: ``python .ci/wheel.py``.
 
 The environment holds nothing but the wheel; its dependencies are those of the environment that runs this script, so
-that it takes seconds. With ``--complete`` they are installed anew, as a user has them (minutes, and torch). With
-``--tests`` the tests of less than a second run against the wheel, too; what follows is for pytest, such as a folder.
+that it takes seconds. With ``--complete`` they are installed anew, as a user has them, and the demo runs (minutes, and
+torch). With ``--tests`` the tests of less than a second run against the wheel, too; what follows is for pytest, such
+as a folder.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def main() -> int:
         if not Path(found).is_relative_to(Path(scratch).resolve()):
             print(f"pamid was found at {found}, not in the new environment", file=sys.stderr)
             return 1
-        for command in COMMANDS:
+        for command in (*COMMANDS, "demo") if complete else COMMANDS:
             print(f"pamid {command}", flush=True)
             subprocess.run([programs / "pamid", *command.split(), *quiet(command)], cwd=place, env=clean, check=True)
         written = {p.name for p in (place / "diagnosis").iterdir()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -88,3 +89,14 @@ def test_no_line_crosses_a_gap() -> None:
     before, after = np.split(y, np.flatnonzero(np.isnan(y)))
     assert set(before) == {1.0} and set(after[1:]) == {2.0}
     assert len(drawn(time[:1], time[:1])[0]) == 1
+
+
+def test_of_many_signals_those_are_drawn_that_tell_of_the_error(found: Diagnosis) -> None:
+    ports = [Port(f"idle{k}", "input", "V") for k in range(6)]
+    many = FunctionSimulator(rates, [*ports, *found.nominal.ports])
+    (log,) = found.history.logs.values()
+    history = replace(found.history, logs={"log": log.assign(**{p.name: 0.0 for p in ports})})
+    figure = readings_figure(replace(found, nominal=many, history=history), "run 0", "q")
+    assert figure is not None
+    titles = [ax.get_title(loc="left") for ax in figure.axes]
+    assert len(titles) == 6 and titles[-3:] == ["u / N m", "q / rad", "w / (rad/s)"]

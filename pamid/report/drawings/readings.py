@@ -10,6 +10,7 @@ from ...plots.curves import drawn
 from ...plots.style import INK, new_figure, style
 from ..quantities import SIGNALS
 from ..words import Words
+from .windows import chosen_equation, of_equation, telling_ports
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,10 +22,13 @@ _MOST = 6
 """Panels of a picture that stands beside another."""
 
 
-def readings_figure(d: Diagnosis, trajectory: str) -> Figure | None:
-    """Draw the signals of a run over time at the resolution of the log; None where the diagnosis kept no log."""
+def readings_figure(d: Diagnosis, trajectory: str, equation: str | None = None) -> Figure | None:
+    """Draw the signals of a run over time at the resolution of the log; None where the diagnosis kept no log.
+
+    Of many signals those are drawn on which the error of an equation depends most.
+    """
     run = _rows(d, trajectory)
-    columns = [] if run is None else _columns(d, run)
+    columns = [] if run is None else _columns(d, run, chosen_equation(d, equation))
     if run is None or not columns:
         return None
     time, words = run["time"].to_numpy(dtype=float), Words.of(d)
@@ -50,10 +54,15 @@ def _rows(d: Diagnosis, trajectory: str) -> pd.DataFrame | None:
     return None
 
 
-def _columns(d: Diagnosis, run: pd.DataFrame) -> list[tuple[str, str]]:
+def _columns(d: Diagnosis, run: pd.DataFrame, equation: str) -> list[tuple[str, str]]:
     """Return signals and their columns: those of the simulator's ports, or those that every log of a bench has."""
     if getattr(d.nominal, "states_equation", True):
         named = [(c, c) for c in map(str, run.columns) if c != "time" and (c in SIGNALS or c.rstrip("12") in SIGNALS)]
     else:
         named = [(p.name, p.column or p.name) for p in d.nominal.ports if p.kind in ("input", "state", "output")]
-    return [(n, c) for n, c in named if c in run and np.isfinite(run[c].to_numpy(dtype=float)).any()][:_MOST]
+    there = [(n, c) for n, c in named if c in run and np.isfinite(run[c].to_numpy(dtype=float)).any()]
+    if len(there) > _MOST:
+        order = telling_ports(of_equation(d, equation))
+        told = sorted(there, key=lambda one: order.index(one[0]) if one[0] in order else len(order))[:_MOST]
+        there = [one for one in there if one in told]
+    return there

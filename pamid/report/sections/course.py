@@ -33,7 +33,7 @@ class CourseSection(Section):
             caption = f"{self.words.equation(name)} in {run_named(run)}."
             caption = f"{caption[:1].upper()}{caption[1:]}"
             pictures.append(self.picture(course_figure(d, name, run, limits), str(k), caption))
-            if (figure := readings_figure(d, run)) is not None:
+            if (figure := readings_figure(d, run, name)) is not None:
                 caption = f"Every row of the log in {run_named(run)}."
                 readings.append(self.picture(figure, f"readings-{k}", caption))
         rows = []
