@@ -31,6 +31,7 @@ from benchmarks._so101_fits import (
     trees,
     vendors,
 )
+from benchmarks._so101_tools import evolved, identified
 
 SEED, SHARE = 0, 0.5
 TARGET, RATIO, MINUTES = 14.0, 0.75, 5.0
@@ -44,9 +45,10 @@ EFFECTS = (
 """What may act between the command of a position servo and the reading of its joint."""
 STEP = 0.01
 """Step of MuJoCo's implicit integrator, s."""
-PIECE, THIN = 15.0, 2
-"""A diagnosis reads the first and the last seconds of a motion, each second row."""
+THIN = 2
+"""A diagnosis reads each second row."""
 PROCESSES = 2
+PACE, SYSID = TOOLS.values()
 Causes = list[tuple[str, str, dict[str, float]]]
 """Effect, port, values."""
 
@@ -100,11 +102,7 @@ def servo(folder: Path, joint: str) -> Any:
 
 def of_servo(motions: Motions, joint: str) -> pd.DataFrame:
     """Return the log of a servo where it is commanded to move; a run begins at its first reading."""
-    pieces = {}
-    for n, log in motions.items():
-        rows = round(PIECE / float(np.median(np.diff(log["time"]))))
-        pieces |= {f"{n}, begin": log.iloc[:rows:THIN], f"{n}, end": log.iloc[-rows::THIN]}
-    moved = {n: log for n, log in pieces.items() if np.ptp(log[f"{joint}_ctrl"]) > 0.0}
+    moved = {n: log.iloc[::THIN] for n, log in motions.items() if np.ptp(log[f"{joint}_ctrl"]) > 0.0}
     parts = [
         pd.DataFrame({"trajectory": n, "time": log["time"], "command": log[f"{joint}_ctrl"], "angle": log[joint],
                       "begin": log[joint].iloc[0]}) for n, log in moved.items()]  # fmt: skip
@@ -192,6 +190,16 @@ def others(folder: Path, motions: Motions, train: Motions) -> Iterator[tuple[str
             for joint, found in directions(fit, slopes).items():
                 print(f"    {joint}: " + "; ".join(f"{size:.2g} mrad for {words}" for size, words in found), flush=True)
         yield title, free_runs(model, numbers, motions)
+    for title, find, package in (
+        ("PACE's parameters, CMA-ES", lambda: evolved(model, train, PACE), "cma"),
+        ("MuJoCo sysid itself", lambda: identified(folder, STEP, train, SYSID), "mujoco[sysid]"),
+    ):
+        begun, numbers_or_none = time.process_time(), find()
+        if numbers_or_none is None:
+            print(f"  {title}: skipped, {package} is not installed", flush=True)
+            continue
+        print(f"  {title}, {time.process_time() - begun:.0f} s of CPU", flush=True)
+        yield title, free_runs(model, numbers_or_none, motions)
     yield "boosted trees on the residual", trees(model, train, motions)
 
 

@@ -27,6 +27,8 @@ _COMMANDS = frozenset(("action", "control", "controls", "ctrl"))
 _PERIODS = 2.0
 _FARTHEST, _LAGS = 0.5, 64
 """Longest delay searched, s, and the number of steps within it."""
+_FOLLOWS = 0.1
+"""Share of a command's variance by which a reading of another name may differ from it and still follow it."""
 _NUMBER = re.compile(r"\d+")
 Source = tuple[Path, list[RawTable], "pd.DataFrame | None"]
 
@@ -44,8 +46,8 @@ class Joined(NamedTuple):
     age: float
     """Median age of the value held at a reading, s."""
     delay: float | None
-    """By how much later than the stamps of commands the readings of a quantity are most like them, s; None where no
-    two columns are called alike or none moves."""
+    """By how much later than the stamps of commands the readings that are called alike, or else follow them, are most
+    like them, s; None where there are none or none moves."""
     rows: int
     """Rows joined."""
 
@@ -215,6 +217,12 @@ def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, 
         age = float(np.median(t - when[np.searchsorted(when, t, side="right") - 1])) * unit if held else 0.0
         alike = [(columns[f"{base}.{c}"], columns[f"{stem}.{c}"]) for c in uses
                  if f"{base}.{c}" in columns and f"{stem}.{c}" in columns]  # fmt: skip
+        if held and not alike:
+            both = [
+                [columns[f"{s}.{c}" if f"{s}.{c}" in columns else c] for c in _numbers(tables[s], mapping)]
+                for s in (base, stem)
+            ]
+            alike = _following(unit * t, *both)
         later = delay_of(unit * t, alike) if held else None
         told.append(Joined(folder.name, base, stem, held, age, None if later is None else later + age, len(t)))
     return RawTable(pd.DataFrame(columns))
@@ -229,15 +237,36 @@ def _seconds(t: np.ndarray, clock: str, mapping: LogMapping) -> float:
     return next((unit for unit in (1.0, 1e-3, 1e-6, 1e-9) if step * unit <= 1.0), 1.0)
 
 
+def _following(
+    t: np.ndarray, readings: Sequence[np.ndarray], commands: Sequence[np.ndarray]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Return with each command that moves the reading that is most like it, if one follows it."""
+    found = []
+    for command in commands:
+        left, k = min(((_left(t, r, command).min(), k) for k, r in enumerate(readings)), default=(np.inf, 0))
+        if left < _FOLLOWS * np.var(command):
+            found.append((readings[k], command))
+    return found
+
+
+def _lags(t: np.ndarray) -> np.ndarray:
+    return np.linspace(0.0, min(_FARTHEST, 0.2 * float(np.ptp(t))), _LAGS + 1)
+
+
+def _left(t: np.ndarray, reading: np.ndarray, command: np.ndarray) -> np.ndarray:
+    """Return the variance of a reading's difference from a command at each lag."""
+    lags = _lags(t)
+    inside = t >= t[0] + lags[-1]
+    return np.array([np.var(reading[inside] - np.interp(t[inside] - lag, t, command)) for lag in lags])
+
+
 def delay_of(t: np.ndarray, pairs: Sequence[tuple[np.ndarray, np.ndarray]]) -> float | None:
     """Return the delay at which readings are most similar to commands."""
-    found = []
-    lags = np.linspace(0.0, min(_FARTHEST, 0.2 * float(np.ptp(t))), _LAGS + 1)
-    inside = t >= t[0] + lags[-1]
+    found, lags = [], _lags(t)
     for reading, command in pairs:
         if not np.std(command) > 1e-9 * (1.0 + np.abs(command).max()) or not np.ptp(reading) > 0.0:
             continue
-        left = [np.var(reading[inside] - np.interp(t[inside] - lag, t, command)) for lag in lags]
+        left = _left(t, reading, command)
         k = int(np.argmin(left))
         if 0 < k < _LAGS:  # the vertex of the parabola through three points
             below, here, above = left[k - 1 : k + 2]

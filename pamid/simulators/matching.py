@@ -252,6 +252,11 @@ class _Matcher:
         new = [m for m in found if m.port not in self.given]
         return sorted(new, key=lambda m: order.index(m.port)), doubts
 
+    def _in_a_list(self, name: str) -> bool:
+        """Return whether a column is an element of a list whose elements have names, such as a joint's."""
+        stem = name.partition("[")[0]
+        return name != stem and sum(c.name.startswith(f"{stem}[") for c in self.columns) > 1
+
     def _with_unit(
         self, match: Match, place: Place, column: Column, degrees: Mapping[str, str], known: Mapping[str, Match],
         doubts: dict[str, str],
@@ -284,7 +289,7 @@ class _Matcher:
             return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
         if match.port in degrees:
             return replace(match, unit="deg", why=degrees[match.port])
-        if unread := read_header(column.name).unread:
+        if (unread := read_header(column.name).unread) and not self._in_a_list(column.name):
             doubts[match.port] = f"{unread} is no unit that is known: say which it is"
         beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
         if beyond:

@@ -50,6 +50,15 @@ def test_commands_and_readings_of_two_files_are_one_run_joined_by_time(tmp_path:
     assert np.allclose(log[["q0", "q1"]], wanted(t - DELAY), atol=1e-6)
 
 
+def test_readings_of_another_name_that_follow_the_commands_tell_the_delay(tmp_path: Path) -> None:
+    folder = arm_log(tmp_path / "sines")
+    state = pd.read_csv(folder / "state.csv").rename(columns={"positions": "measured"})
+    state.assign(torques=str([0.1, -0.2])).to_csv(folder / "state.csv", index=False)
+    named = {"signals": {"time": {"column": "timestamp", "unit": "us"}, "q0": "measured[0]", "u0": "positions[0]"}}
+    with pytest.warns(ReadingWarning, match=r"control is joined with state .* follow (89|90|91) ms after"):
+        read_log([folder / "control.csv", folder / "state.csv"], named)
+
+
 def test_folders_are_runs_and_what_is_no_table_of_samples_lies_beside_them(tmp_path: Path) -> None:
     folders = [arm_log(tmp_path / name) for name in ("sines", "steps")]
     with pytest.warns(ReadingWarning, match="in 2 runs"):

@@ -74,6 +74,19 @@ def recorded(style: str, unit: float = 1.0) -> tuple[pd.DataFrame, dict[str, str
     return frame, truth
 
 
+def test_names_of_the_elements_of_a_list_are_no_units(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    from pamid.simulators import MujocoSimulator
+
+    (tmp_path / "arm.xml").write_text(ARM)
+    arm, t = MujocoSimulator(tmp_path / "arm.xml"), np.arange(0.0, 8.0, 0.01)
+    frame = {}
+    for k, name in enumerate(JOINTS):
+        frame[f"action[{name}.pos]"], frame[f"observation.state[{name}.pos]"], _ = motion(k, t)
+    found, doubts = matches(arm, arm.ports, frame, t)
+    assert not doubts and {m.port: m.column for m in found}["elbow_joint_q"] == "observation.state[elbow.pos]"
+
+
 def drafted(folder: Path, frame: pd.DataFrame, capsys: pytest.CaptureFixture[str], *more: str) -> dict:
     pytest.importorskip("mujoco")
     (folder / "arm.xml").write_text(ARM)
