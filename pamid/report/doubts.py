@@ -12,12 +12,16 @@ from .quantities import amount
 from .words import Words
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ..gap.diagnosis.result import Diagnosis
 
 NEAR = 0.1
 """How near, as a share, an offset comes to the ambient pressure, or a factor to a power of ten, to be asked about."""
 _TOLD = 0.8  # share of the variance that a factor must explain
 _FEW = 20  # windows
+_FACTOR = "deviation"
+"""Parameter of effects that are factors: gains, and numbers of a simulator."""
 
 
 def question(d: Diagnosis) -> str:
@@ -65,7 +69,14 @@ def _unit(d: Diagnosis) -> str:
         r = float(np.corrcoef(x, y)[0, 1])
         gain = r * float(np.std(y) / np.std(x))
         power = round(math.log10(gain)) if gain > 0 else 0
-        if power and r**2 > _TOLD and abs(gain / 10.0**power - 1.0) < NEAR:
+        if power and r**2 > _TOLD and abs(gain / 10.0**power - 1.0) < NEAR and not _explained(d, part, 1.0 - r**2):
             what = f"What was measured of the {Words.of(d).equation(str(name))}"
             return f"Is a unit wrong? {what} moves {gain:.3g} times as far as what the simulator gives."
     return ""
+
+
+def _explained(d: Diagnosis, part: pd.DataFrame, left: float) -> bool:
+    """Return whether causes that are no factors leave less than a factor does, as a share of the variance."""
+    factors = any(_FACTOR in cause.parameters for cause in d.added)
+    after, y = (part[name].to_numpy(dtype=float) for name in ("after", "measured"))
+    return bool(d.added) and not factors and float(np.nanvar(after)) < left * float(np.nanvar(y))

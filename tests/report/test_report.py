@@ -51,6 +51,11 @@ def test_a_gain_of_a_power_of_ten_is_asked_about_first(material) -> None:
     for gain, asked in ((0.1, True), (1 / 9.80665, True), (10.0, True), (1e3, True), (1.0, False), (3.0, False)):
         windows = d.windows.assign(measured=gain * simulated, before=(gain - 1.0) * simulated, equation="force")
         assert answers(replace(d, windows=windows)).where.startswith("Is a unit wrong?") == asked, gain
+    rough = 0.1 * simulated * (1.0 + 0.02 * np.cos(np.arange(len(simulated))))
+    explained = d.windows.assign(measured=rough, before=rough - simulated, after=0.0, equation="force")
+    factor = replace(d.causes[0], parameters={"deviation": ParameterEstimate(-0.9, "-", (-0.91, -0.89))})
+    for causes, asked in ((d.causes, False), ([factor], True)):
+        assert answers(replace(d, windows=explained, causes=causes)).where.startswith("Is a unit wrong?") == asked
 
 
 @pytest.fixture(scope="module")
