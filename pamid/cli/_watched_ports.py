@@ -74,10 +74,11 @@ def events_at_ports(
         "problems": problems,
     }  # fmt: skip
     if not watched:
+        wanted = ", ".join(columns) or "columns of the ports"
         raise StreamError(
             f"Nothing was watched: the stream holds {count * (samples.interval or 0.0):.3g} s of samples"
             f"{'' if count or not problems else f'; its last line, {samples.last_problem}'}.",
-            f"more than {args.learn:g} s of samples, in lines of JSON, with time and {', '.join(columns) or 'columns of the ports'}",
+            f"more than {args.learn:g} s of samples, in lines of JSON, with time and {wanted}",
             "Correct the stream, or learn for less time with --learn.",
         )
 
