@@ -13,7 +13,6 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
-from ..inference.gauss_newton import SLACK
 from ..inference.hypotheses import Outcome
 from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU, OF_ITS_OWN
@@ -154,10 +153,12 @@ class _Told:
         """Return how far runs and parts of the state disagree on a cause, and how uncertain it is."""
         evidence, fit, whole = self.evidence, self.best.fit, self.whole[name]
         # A parameter at the end of its tolerance explains nothing more: a cause may be what is beyond.
-        J, x = evidence.slopes(fit.spec, fit.x)[:, fit.inside], fit.x[fit.inside]
+        J, low, high = (
+            v[..., fit.inside] for v in (evidence.slopes(fit.spec, fit.x), fit.low - fit.x, fit.high - fit.x)
+        )
         # A cause by the same parameter is its change beyond the tolerance, which the tolerance cannot explain.
         own = ~np.isclose(np.abs(_cosines(J, whole)), 1.0, atol=1e-2)
-        d = whole - J[:, own] @ _within_tolerances(J[:, own], whole, x[own])
+        d = whole - J[:, own] @ _within(J[:, own], whole, low[own], high[own])
         information, score = self.weight * d * d, -self.weight * d * fit.z
         runs, uneven = over_labels(evidence.block, information, score), 0.0
         for x in evidence.state.values():
@@ -185,12 +186,11 @@ class _Told:
         return over_stretches(self.evidence, d * d, -d * size * self.best.fit.z).half
 
 
-def _within_tolerances(J: np.ndarray, whole: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return the changes of parameters within their tolerances that come nearest to a cause."""
+def _within(J: np.ndarray, whole: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return the changes of parameters within their bounds that come nearest to a cause."""
     from scipy.optimize import lsq_linear
 
-    low, high = -SLACK - x, SLACK - x
-    free = np.linalg.lstsq(J, whole, rcond=None)[0] if len(x) else x
+    free = np.linalg.lstsq(J, whole, rcond=None)[0] if len(low) else low
     if np.all((free >= low) & (free <= high)):
         return free
     return np.asarray(lsq_linear(J, whole, (low, high), method="bvls").x)

@@ -24,7 +24,7 @@ import numpy as np
 from ...signals.recursion import past
 from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
-from .gauss_newton import SLACK, Fit
+from .gauss_newton import Fit
 from .sensitivity import has_form
 from .student_t import bounded
 
@@ -105,8 +105,8 @@ class Discrepancy:
         A = A / size
         # Tolerances explain no more than their bounds allow.
         free = np.full(D.shape[1], np.inf)
-        lower = np.concatenate([-SLACK - fit.x, -free]) * size
-        upper = np.concatenate([SLACK - fit.x, free]) * size
+        lower = np.concatenate([fit.low - fit.x, -free]) * size
+        upper = np.concatenate([fit.high - fit.x, free]) * size
         d = direct[name]
         alone = self.evidence.raw(d - A @ bounded(A.T @ A + 1e-9 * np.eye(len(size)), A.T @ d, lower, upper))
         beside, whole = self.evidence.raw(np.sum(rough, axis=0)), self.evidence.raw(direct[name])

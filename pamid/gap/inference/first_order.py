@@ -124,7 +124,7 @@ class FirstOrder(Worth):
             slots = slots_of(evidence.effects, spec)
             phi = np.array([spec[name][p.name] for name, p in slots])
             D, low, high = self.fitter.jacobian(slots, phi, z, fit.x)
-            smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales))
+            smooth = self.discrepancy.columns(Fit(spec, fit.x, fit.loglik, z, fit.scales, fit.low, fit.high))
             smooth = smooth if inexact else smooth[:, :0]
             fixed += [D, smooth]
             bound = np.full(smooth.shape[1], 2.0 * FORM_SMOOTH)

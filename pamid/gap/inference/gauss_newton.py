@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from ...effects import Effect, Parameter
+from ..residuals.between_rows import STEPS
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import TOLERANCE
 from .descent import Bounds, Prior, descend
@@ -49,6 +50,8 @@ class Fit:
         Residuals, in units of the noise.
     scales : array, shape (n_equations,)
         Scales of the equations' residuals, at least 1.
+    low, high : array, shape (n_free,)
+        Ends of the deviations.
     """
 
     spec: dict[str, dict[str, float]]
@@ -56,11 +59,14 @@ class Fit:
     loglik: float
     z: np.ndarray
     scales: np.ndarray
+    low: np.ndarray | float = -SLACK
+    high: np.ndarray | float = SLACK
 
     @property
     def inside(self) -> np.ndarray:
         """Which parameters are inside their tolerance; one at its end cannot go further that way."""
-        return np.abs(self.x) < 0.999 * SLACK
+        room = 0.001 * SLACK
+        return (self.x > self.low + room) & (self.x < self.high - room)
 
 
 Solved = TypeVar("Solved", Fit, RobustFit)
@@ -78,8 +84,10 @@ class Fitter:
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
-        about = getattr(evidence, "about", 0.0)  # current values of wide tolerances
-        self.low, self.high = np.full(self.n, -SLACK) - about, np.full(self.n, SLACK) - about
+        about = getattr(evidence, "about", np.zeros(self.n))  # current values of wide tolerances
+        # A method of steps is explicit: that of a negative one would be damping.
+        forward = np.array([name.startswith(STEPS) for name in evidence.free], dtype=bool)
+        self.low, self.high = np.where(forward, 1.0 - SLACK, -SLACK) - about, SLACK - about
 
     def linear(
         self,
@@ -258,7 +266,7 @@ class Fitter:
         prior = Prior(np.concatenate([-about, 0.0 * phi]), np.concatenate([np.full(n, TOLERANCE), 0.0 * phi]))
         start = np.concatenate([x, phi])
         s = descend(at, slopes, start, bounds, evidence.parts, self.weights, rounds, prior, gain, behind)
-        return Fit(named(s.x), s.x[:n], s.loglik, s.z, s.scales)
+        return Fit(named(s.x), s.x[:n], s.loglik, s.z, s.scales, self.low, self.high)
 
     def _fit(
         self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6,
@@ -266,7 +274,8 @@ class Fitter:
     ) -> Fit:  # fmt: skip
         widening = self.evidence.widening(spec) if spec else None
         s = self.linear(z, iterations=iterations, start=start, widening=widening, J=J)
-        return Fit(spec, s.x, s.loglik - (self.evidence.freedom(spec) if spec else 0.0), s.z, s.scales)
+        cost = self.evidence.freedom(spec) if spec else 0.0
+        return Fit(spec, s.x, s.loglik - cost, s.z, s.scales, self.low, self.high)
 
     def jacobian(
         self,

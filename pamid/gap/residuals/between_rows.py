@@ -21,6 +21,8 @@ known as near."""
 PIECES = 8
 """Pieces of a step in which what effects make of a held input is followed: the mean of a lag of half a step is exact to
 2e-3."""
+STEPS = "step of the integrator"
+"""Name of the parameter: 0 for no step, 1 for one as long as a sample."""
 NOTE = "Inputs are interpolated between rows: held over each step, like a controller's, they explain the log less well."
 
 
@@ -82,17 +84,18 @@ def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bo
 
 
 def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the inputs with one of them half a sample early: the timing of a log is not known better.
+    """Yield the inputs with one of them half a sample early, or as much rounder as a smooth input is than lines.
 
     Whether an input acts from its row on, is interpolated, or was read while the last one acted is not a cause of a
-    gap.
+    gap, nor how it goes from row to row.
     """
-    change = 0.25 * (after(u, log) - before(u, log))
-    for k, name in enumerate(inputs):
-        if np.ptp(u[k]) > 0.0:
-            moved = u.copy()
-            moved[k] += change[k]
-            yield f"timing of {name}", moved
+    there, back = after(u, log), before(u, log)
+    for name, change in (("timing", 0.25 * (there - back)), ("bend", (there - 2.0 * u + back) / 12.0)):
+        for k, of in enumerate(inputs):
+            if np.ptp(u[k]) > 0.0:
+                moved = u.copy()
+                moved[k] += change[k]
+                yield f"{name} of {of}", moved
 
 
 def before(x: np.ndarray, log: PortLog) -> np.ndarray:

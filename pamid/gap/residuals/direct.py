@@ -43,7 +43,8 @@ from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
-from .tolerances import SMALL, rms
+from .steps import earlier, lateness, within_steps
+from .tolerances import SMALL
 from .turned import Instants, Turned, turned
 from .turning import force_at_both_ends
 from .undone import UndoneEvidence
@@ -85,6 +86,8 @@ class DirectEvidence(UndoneEvidence):
         self._asked: dict[tuple[Any, ...], np.ndarray] = {}
         self._table: dict[str, np.ndarray] = {}
         self._spreads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._jumps: dict[str, np.ndarray] = {}
+        self._tables: list[dict[str, np.ndarray]] = []
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
         self._x, self._table = self._motion(log.channels)
         self._u = log.inputs(simulator)
@@ -235,8 +238,18 @@ class DirectEvidence(UndoneEvidence):
                 column = self._under(u) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
-        self.free = [*self.free, *self.skews]
-        self.about = np.zeros(len(self.free))
+            shown = self._outputs(self._x, self._u, self.simulator.numbers)
+            still = self._windowed([], self.log.channels, self._base_rates, shown)
+            for name, change in within_steps(self._base_rates, self._earlier, self.balances, self.log):
+                column = self._windowed([], self.log.channels, self._base_rates + change, shown) - still
+                if np.any(column) and np.all(np.isfinite(column)):
+                    self.skews[name] = column
+        self._allow()
+
+    def _earlier(self, order: int) -> np.ndarray:
+        """Return the rates of the states that steps of Euler's method take in equations of an order."""
+        late = lateness(self.simulator.states, list(self.derived.values()), order)
+        return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
 
     def _under(self, u: np.ndarray) -> np.ndarray:
         """Return the residuals under other inputs."""
@@ -252,24 +265,6 @@ class DirectEvidence(UndoneEvidence):
     def _says(self, b: Balance) -> Rate:
         modelled = self._base_rates[b.row, : self.log.n] if b.order else self.log.channels[b.channel]
         return Rate(modelled, b.order, self.channel_noise(b.channel))
-
-    def _amplified(self, active: Active) -> list[float]:
-        """Return by how much effects that are undone in readings amplify the measured side of each equation."""
-        log, found = self.log, []
-        for b, firsts in zip(self.balances, self._first, strict=True):
-            x = log.channels[b.channel]
-            for place, made in active:
-                if place.enters == "output" and place.at == b.channel and place.at in self.simulator.states:
-                    x = place.truth(made, x, log.dt, log.starts)
-            sizes = [
-                rms(np.concatenate([
-                    average(b.rate(y[a:e], log.dt), self.n, b.order + 1, first)
-                    for (a, e), first in zip(log.spans, firsts, strict=True)
-                ]))
-                for y in (x, log.channels[b.channel])
-            ]  # fmt: skip
-            found.append(sizes[0] / sizes[1] if sizes[1] > 0.0 else 1.0)
-        return found
 
     def _accuracy(self, equation: int) -> float:
         return ACCURACY if self.balances[equation].velocity else 0.0
@@ -296,26 +291,29 @@ class DirectEvidence(UndoneEvidence):
             out[a:b] = differentiate(x[a:b], log.t[a:b], tuning=self._tuning[name], warn=False)[1]
         return out
 
-    def _path(self, name: str, table: Mapping[str, np.ndarray], link: Link | None) -> np.ndarray:
-        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral."""
+    def _path(self, name: str, table: dict[str, np.ndarray], link: Link | None) -> np.ndarray:
+        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral.
+
+        The table keeps it.
+        """
         key, sources = f"{name}.steady", (name,) if link is None else link.sources[name]
+        if key in table:
+            return table[key]
         of = [self.speeds.get(n, n) for n in sources]
-        if (as_read := all(np.array_equal(table[n], self._table[n]) for n in of)) and key in self._table:
-            return self._table[key]
         ratios = (1.0,) if link is None else (1.0, -link.ratio)
         paths = [table[n] if n == o else integral(table[o], self.log) for n, o in zip(sources, of, strict=True)]
         path = np.sum([r * x for r, x in zip(ratios, paths, strict=True)], axis=0)
         if of == list(sources):
             noise = [r * self.channel_noise(n) for r, n in zip(ratios, of, strict=True) if n in self.log.channels]
             path = steady_path(path, self.log.starts, float(np.linalg.norm(noise)), max(self.n, 5))
-        if as_read:
-            self._table[key] = path
+        table[key] = path
         return path
 
     # --- residuals ------------------------------------------------------------------------------------------
     def _residual(
-        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
-    ) -> np.ndarray:
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None,
+        followed: dict[str, np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         log, simulator = self.log, self.simulator
         readings = dict(channels or log.channels)
         restored = channels is not None
@@ -338,7 +336,7 @@ class DirectEvidence(UndoneEvidence):
         added = np.zeros((len(x), 2 * log.n))
         for place, made in active:
             if place.acts:
-                rows, both = self._force(place, made, table)
+                rows, both = self._force(place, made, followed or table)
                 place.push(made, both, simulator, self._both(x, u, self._ends(u), p), pushed, added)
                 if simulator.outputs:
                     place.push(made, rows, simulator, (log.t, x, u, wide(p, log.n)), shown, np.zeros_like(x))
@@ -353,14 +351,14 @@ class DirectEvidence(UndoneEvidence):
         t = np.concatenate([log.t, log.t + log.dt])
         return t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
 
-    def _force(self, place: Placement, made: Any, table: Mapping[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    def _force(self, place: Placement, made: Any, table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the force of an effect at the rows, and at both ends of each step."""
         log, found = self.log, dict(table)
         if place.link is not None:
             found |= place.link.across(found)
         for role, name in place.follows.items():
             if role == "position" and (place.effect.path_dependent or name not in found):
-                found[name] = self._path(name, found, place.link)
+                found[name] = self._path(name, table, place.link)
         return force_at_both_ends(place, made, found, self._speed_of(place), self.derived, log)
 
     def _speed_of(self, place: Placement) -> str:

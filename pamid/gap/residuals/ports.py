@@ -19,8 +19,10 @@ from ...simulators.commuting import commuting_paths, twins_of
 from ...simulators.of_parameters import FIXED
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
-from ..settings import DECIDED, LEAST_GAIN
+from ..inference.student_t import scale, solve
+from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
+from .between_rows import STEPS
 from .linked import Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
@@ -132,6 +134,21 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
+        if STEPS in self.skews and not self._stepped_alone():
+            kept = np.array([name != STEPS for name in self.free])
+            self.skews.pop(STEPS)
+            self.free = [name for name in self.free if name != STEPS]
+            self.about, self.J = self.about[kept], self.J[:, kept]
+            self._laid.clear()
+
+    def _stepped_alone(self) -> bool:
+        """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""
+        low, high = self.tolerance_ends
+        beside = np.array([name != STEPS for name in self.free])
+        whole = solve(self.z0, self.J, low, high, self.parts, self.weights)
+        less = solve(self.z0, self.J[:, beside], low[beside], high[beside], self.parts, self.weights)
+        left = [scale(whole.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
+        return whole.loglik > less.loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
@@ -242,10 +259,11 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
         drawn = np.zeros((REPLICATES, len(self.value)))
+        self._copies: list[dict[str, np.ndarray]] = []
         for k in range(REPLICATES):
             noise = {n: x + sigma[n] * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
-            self._noisy_copy = noise
+            self._copies.append(noise)
         self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
         self._drawn, self._whitening = drawn, Whitening()
         for k, part in enumerate(self.parts):
@@ -351,6 +369,11 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         """Return the contribution of clock offsets to the residuals; it is linear in them."""
         about = dict(zip(self.free, self.about, strict=True))
         return sum((column * (about[k] + deviations.get(k, 0.0)) for k, column in self.skews.items()), 0.0)
+
+    def _allow(self) -> None:
+        """Make what is not known within a sample free parameters."""
+        self.free = [*self.free, *self.skews]
+        self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
 
     def active(self, spec: Spec) -> Active:
         """Return the simulator's own effects and those of a spec, made."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -207,10 +207,19 @@ class PredictedEvidence(StretchEvidence):
             near = self._combined(x0, base, drive)
             none = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
             return self._shown(none, known, self.shown), self._shown(none, near, self.shown)
+        return self._responded(x0, base, drive, lambda response: response.to(drive))
+
+    def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the channels under a drive, exactly and with steps of Euler's method."""
+        return self._responded(x0, base, base, lambda response: response.of_steps())
+
+    def _responded(
+        self, x0: np.ndarray, base: Drive, drive: Drive, change_of: Callable[[Response], np.ndarray]
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         states, outputs = self._simulate(x0, base.u, base.p, base.acting)
         response = self._response(x0, base, states)
         before = response.evaluations
-        change = response.to(drive)
+        change = change_of(response)
         self.simulated += (response.evaluations - before) / (4.0 * self.substeps)
         return self._shown(states, outputs, self.shown), self._shown(
             *self._moved_states(states, change, drive), self.shown

@@ -23,6 +23,8 @@ from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
 from .between_rows import drawn
 from .protocol import Active
+from .steps import earlier
+from .tolerances import SMALL
 
 _TERMS, _SMALL = 8, 0.25
 _MOST = 1e12
@@ -102,9 +104,9 @@ class Response:
             place.push(made, force, self.simulator, at, u, added)
         return u, added
 
-    def _rates(self, drive: Drive, moved: np.ndarray | None = None) -> np.ndarray:
-        """Return the rates at mid-step, shape (n_states, n_steps), at changed states if given."""
-        x = self.x if moved is None else self.x + moved[:, None]
+    def _rates(self, drive: Drive, x: np.ndarray | None = None) -> np.ndarray:
+        """Return the rates at mid-step, shape (n_states, n_steps), at other states if given."""
+        x = self.x if x is None else x
         u, added = self._pushed(drive, x)
         return self._asked(x, u, drive.p) + added
 
@@ -139,7 +141,7 @@ class Response:
         A = np.empty((len(self.before), n, n))
         for j in range(n):
             h = 1e-6 * (float(np.ptp(self.x[j])) or float(np.max(np.abs(self.x[j]))) or 1.0)
-            A[:, :, j] = ((self._rates(drive, h * np.eye(n)[j]) - self.rates) / h).T
+            A[:, :, j] = ((self._rates(drive, self.x + h * np.eye(n)[j][:, None]) - self.rates) / h).T
         A = np.clip(A, -_MOST, _MOST) * dt
         norm = float(np.max(np.sum(np.abs(A), axis=2), initial=0.0))
         halvings = int(np.clip(np.ceil(np.log2(max(norm, 1e-300) / _SMALL)), 0, 40))
@@ -189,6 +191,11 @@ class Response:
             straight = np.all(np.abs(there[1] - own + 0.4 * size * slope) <= 1e-6 * reach + 1e-12)
             self._slopes[k] = slope if straight else None
         return self._slopes[k]
+
+    def of_steps(self) -> np.ndarray:
+        """Return by how much the states change with steps of Euler's method, of `SMALL` samples."""
+        late = earlier(self.x, 0.5 * SMALL, self.log)
+        return self._followed(self._rates(self.drive, late) - self.rates, np.zeros((len(self.x), len(self.firsts))))
 
     def of_start(self, state: int) -> np.ndarray:
         """Return by how much the states change for a unit of an initial state, shape (n_states, n)."""

@@ -29,7 +29,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED
-from .between_rows import NOTE, go_in_lines, timings
+from .between_rows import NOTE, STEPS, go_in_lines, timings
 from .port_windows import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
@@ -175,15 +175,18 @@ class ShootingEvidence(PredictedEvidence):
         ]
 
     def _skew(self) -> None:
-        """Allow inputs to act up to half a sample early or late, within a tolerance."""
+        """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
         base = self._drive([], self.simulator.numbers)
         for name, u in timings(self.simulator.inputs, self._u, self.log):
             near = self._near(self._x0, base, Drive(u, base.p, [], self.lines))
             column = self._compared([], [], *map(self._fold, near))
             if np.any(column):
                 self.skews[name] = column
-        self.free = [*self.free, *self.skews]
-        self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
+        if self.simulator.form == "ode":
+            column = self._compared([], [], *map(self._fold, self._stepped(self._x0, base))) / SMALL
+            if np.any(column):
+                self.skews[STEPS] = column
+        self._allow()
 
     def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
         """Return means over the readings in windows, of a signal that begins at a row of the log."""

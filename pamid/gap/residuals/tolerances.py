@@ -16,6 +16,7 @@ from ...simulators.base import Simulator
 from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
 from ..settings import TOLERANCE
+from .between_rows import STEPS
 from .protocol import Spec
 from .whitening import Whitening
 
@@ -80,6 +81,11 @@ class Tolerances(ABC):
         """Return z0 such that z0 + slopes @ x equals the exact residuals at deviations x, in tolerances."""
         return self.z(spec, self._named(x)) - self.slopes(spec, x) @ x
 
+    @property
+    def tolerance_ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations."""
+        return np.where([name == STEPS for name in self.free], 0.0, -1.0) - self.about, 1.0 - self.about
+
     def _named(self, x: np.ndarray) -> dict[str, float]:
         """Return deviations by the names of their parameters."""
         return dict(zip(self.free, map(float, x), strict=True))
@@ -115,12 +121,13 @@ class Tolerances(ABC):
         """Start from the best fit of wide tolerances if residuals are nonlinear on the way; return whether they are."""
         x = np.zeros(len(self.free))
         least = loglik(self.z0, self.parts, self.weights)[0]
-        step = solve(self.z0, self.J, -1.0 - self.about, 1.0 - self.about, self.parts, self.weights).x
+        low, high = self.tolerance_ends
+        step = solve(self.z0, self.J, low, high, self.parts, self.weights).x
         there = self._deviated(step)
         linear, moved = self.J @ step, there - self.z0
         if loglik(there, self.parts, self.weights)[0] > least and rms(moved - linear) <= STRAIGHT * rms(linear):
             return False
-        bounds = Bounds.of(-1.0 - self.about, 1.0 - self.about)
+        bounds = Bounds.of(low, high)
         prior = Prior(-self.about, np.full(len(x), TOLERANCE))
 
         def slopes(x: np.ndarray) -> np.ndarray:

@@ -1,0 +1,101 @@
+"""What happens within a sample, and noise that turns friction early, are no causes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.between_rows import STEPS
+from pamid.gap.residuals.direct import DirectEvidence
+from pamid.gap.simulated import evidence_of
+from pamid.simulators import FunctionSimulator, Port
+
+DT, STIFFNESS, MASS, DAMPING, FRICTION = 5e-3, 200.0, 1.0, 2.0, 3.0
+
+
+def rates(t, x, u, p):
+    """Return the rates of a mass on a spring."""
+    return [x.v, (u.force - p.k * x.x - p.d * x.v) / p.m]
+
+
+def oscillator(damping: float = DAMPING, tolerance: float = 0.05) -> FunctionSimulator:
+    """Return the simulator of the mass, with its damping."""
+    return FunctionSimulator(
+        rates,
+        [
+            Port("force", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s"),
+            Port("slide", "joint", "N", position="x", velocity="v"),
+        ],
+        {"m": (MASS, 0.0, "kg"), "k": (STIFFNESS, 0.02, "N/m"), "d": (damping, tolerance, "N s/m")},
+    )  # fmt: skip
+
+
+def acceleration(force: float, x: float, v: float, friction: float) -> float:
+    """Return what the mass does."""
+    return float((force - STIFFNESS * x - DAMPING * v - friction * np.tanh(v / 1e-3)) / MASS)
+
+
+def oscillator_log(
+    columns: str, euler: int = 0, friction: float = 0.0, noise: tuple[float, float] = (1e-5, 1e-3), seed: int = 5
+) -> pd.DataFrame:
+    """Return logs of the mass under held forces, by Euler's steps, so many a sample, or by the midpoint rule."""
+    rng, frames = np.random.default_rng(seed), []
+    for k in range(3):
+        t = np.arange(0.0, 6.0, DT)
+        force = 8.0 * np.sin(2 * np.pi * (0.6 + 0.5 * k) * t) + 6.0 * np.sin(2 * np.pi * (2.3 - 0.4 * k) * t + k)
+        x, v, rows, steps = 0.0, 0.0, [], euler or 40
+        for now in force:
+            rows.append((x, v))
+            h = DT / steps
+            for _ in range(steps):
+                there = 0.0 if euler else 0.5 * h
+                mid = x + there * v, v + there * acceleration(now, x, v, friction)
+                x, v = x + h * mid[1], v + h * acceleration(now, *mid, friction)
+        x, v = np.array(rows).T + rng.standard_normal((2, len(t))) * np.array(noise)[:, None]
+        frames.append(pd.DataFrame({"trajectory": f"run {k}", "time": t, "force": force, "x": x, "v": v}))
+    return pd.concat(frames, ignore_index=True)[["trajectory", "time", "force", *columns]]
+
+
+@pytest.mark.parametrize("columns", ["xv", "x"])
+def test_euler_steps_of_a_log_are_no_gap(columns: str) -> None:
+    found = diagnose_simulator(oscillator_log(columns, euler=10), oscillator())
+    assert found.verdict == "none"
+    # In samples; a noisy speed tells it less well.
+    assert found.deviations[STEPS] == pytest.approx(0.1, abs=0.05 if columns == "x" else 0.2)
+
+
+def test_damping_that_a_simulator_lacks_is_named_not_hidden_in_the_integrator() -> None:
+    """Euler's steps take damping away; what adds damping remains a cause."""
+    found = diagnose_simulator(oscillator_log("xv"), oscillator(damping=0.5 * DAMPING))
+    assert [set(c.effects) for c in found.causes] == [{"viscous_friction", "parameter_deviation"}]
+    assert STEPS not in found.deviations
+    assert found.causes[0].parameters["coefficient"].value == pytest.approx(0.5 * DAMPING, rel=0.15)
+
+
+def test_noise_of_a_force_that_turns_with_noisy_readings_is_told_by_copies() -> None:
+    """The mean square of what noise changes is that of copies of the log, and grows with the square of the force."""
+    log = oscillator_log("x", friction=FRICTION, noise=(1e-4, 0.0))
+    evidence = evidence_of(log, oscillator(), refit=True)
+    assert isinstance(evidence, DirectEvidence)
+    name = "coulomb_friction@slide"
+    place = evidence.placements[name]
+    spec = {name: place.inward({"amplitude": FRICTION / MASS, "presliding": 1e-5, "exponent": 1.0})}
+    spec[name] = {p.name: spec[name].get(p.name, p.nominal) for p in place.effect.parameters}
+    wide = evidence.widening(spec)
+    assert wide is not None and wide.min() >= 1.0
+    active, numbers = evidence.active(spec), evidence.simulator.numbers
+    plain, changes = evidence._residual(active, numbers), []
+    rng = np.random.default_rng(1)
+    for _ in range(8):
+        noisy = {
+            n: c + evidence.channel_noise(n) * rng.standard_normal(len(c)) for n, c in evidence.log.channels.items()
+        }
+        noisy["force"] = evidence.log.channels["force"]
+        changes.append((evidence._residual(active, numbers, noisy) - plain) / evidence.noise)
+    assert np.sqrt(np.mean(np.square(changes))) == pytest.approx(np.sqrt(np.mean(np.square(wide))), rel=0.15)
+    half = {name: {**spec[name], "amplitude": 0.5 * spec[name]["amplitude"]}}
+    np.testing.assert_allclose(
+        np.square(evidence.widening(half)) - 1.0, (np.square(wide) - 1.0) / 4.0, rtol=1e-6, atol=1e-9
+    )
