@@ -14,6 +14,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
+from ..inference.student_t import bounded
 from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU, OF_ITS_OWN
 from .agreement import over_labels, over_rates, over_stretches
@@ -188,12 +189,7 @@ class _Told:
 
 def _within(J: np.ndarray, whole: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return the changes of parameters within their bounds that come nearest to a cause."""
-    from scipy.optimize import lsq_linear
-
-    free = np.linalg.lstsq(J, whole, rcond=None)[0] if len(low) else low
-    if np.all((free >= low) & (free <= high)):
-        return free
-    return np.asarray(lsq_linear(J, whole, (low, high), method="bvls").x)
+    return bounded(J.T @ J, J.T @ whole, low, high)
 
 
 def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:

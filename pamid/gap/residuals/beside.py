@@ -96,11 +96,15 @@ class Beside(ABC):
 
     def without_nuisances(self) -> None:
         """Fix clocks and offsets: two logs then have the same free parameters."""
-        kept = np.array([name in self.lasting for name in self.free], dtype=bool)
-        self._nuisances = self.J[:, ~kept]
-        self.free = [name for name in self.free if name in self.lasting]
+        self._nuisances = self.J[:, [name not in self.lasting for name in self.free]]
+        self._keep_free(self.lasting)
+
+    def _keep_free(self, names: Collection[str]) -> None:
+        """Fix all free parameters but some, where they are."""
+        kept = np.array([name in names for name in self.free], dtype=bool)
+        self.free = [name for name in self.free if name in names]
         self.about, self.J = self.about[kept], self.J[:, kept]
-        self.skews = {}
+        self.skews = {name: column for name, column in self.skews.items() if name in names}
         self._laid.clear()
 
     def also_under(self, names: Mapping[str, str]) -> None:

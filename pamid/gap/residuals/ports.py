@@ -135,11 +135,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
         if STEPS in self.skews and not self._stepped_alone():
-            kept = np.array([name != STEPS for name in self.free])
-            self.skews.pop(STEPS)
-            self.free = [name for name in self.free if name != STEPS]
-            self.about, self.J = self.about[kept], self.J[:, kept]
-            self._laid.clear()
+            self._keep_free([name for name in self.free if name != STEPS])
 
     def _stepped_alone(self) -> bool:
         """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""

@@ -115,8 +115,10 @@ def diagnose(
         from ..equation import diagnose_stated
 
         return diagnose_stated(log, simulator, effects, conditions, seed, say)
+    if isinstance(simulator, Simulator):
+        if isinstance(log, Mapping):
+            return diagnose_port_logs(log, simulator, effects, conditions, seed, say)
+        return diagnose_at_ports(log, simulator, effects, seed, say)
     if isinstance(log, Mapping):
-        several = diagnose_port_logs if isinstance(simulator, Simulator) else diagnose_bench_logs
-        return several(log, simulator, effects, conditions, seed, say)  # type: ignore[arg-type]
-    one = diagnose_at_ports if isinstance(simulator, Simulator) else diagnose_bench
-    return one(log, simulator, effects, seed, say)  # type: ignore[arg-type]
+        return diagnose_bench_logs(log, simulator, effects, conditions, seed, say)
+    return diagnose_bench(log, simulator, effects, seed, say)
