@@ -9,7 +9,6 @@ from typing import TypeVar
 import numpy as np
 
 from ...effects import Effect, Parameter
-from ..residuals.between_rows import STEPS
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import TOLERANCE
 from .descent import Bounds, Prior, descend
@@ -84,10 +83,8 @@ class Fitter:
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
-        about = getattr(evidence, "about", np.zeros(self.n))  # current values of wide tolerances
-        # A method of steps is explicit: that of a negative one would be damping.
-        forward = np.array([name.startswith(STEPS) for name in evidence.free], dtype=bool)
-        self.low, self.high = np.where(forward, 1.0 - SLACK, -SLACK) - about, SLACK - about
+        low, high = evidence.ends
+        self.low, self.high = low - (SLACK - 1.0), high + (SLACK - 1.0)
 
     def linear(
         self,

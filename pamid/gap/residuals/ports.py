@@ -139,7 +139,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     def _stepped_alone(self) -> bool:
         """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""
-        low, high = self.tolerance_ends
+        low, high = self.ends
         beside = np.array([name != STEPS for name in self.free])
         whole = solve(self.z0, self.J, low, high, self.parts, self.weights)
         less = solve(self.z0, self.J[:, beside], low[beside], high[beside], self.parts, self.weights)

@@ -108,6 +108,11 @@ class ResidualSource(Protocol):
         """Starting deviations of the free parameters, in tolerances."""
         ...
 
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations of the free parameters, in tolerances from the starting ones."""
+        ...
+
     def has(self, name: str) -> bool:
         """Return whether an effect has something to act on here."""
         ...

@@ -26,6 +26,11 @@ class Straight:
         """Starting deviations of the free parameters, in tolerances: the simulator as given."""
         return np.zeros(self.J.shape[1])
 
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations of the free parameters."""
+        return np.full(self.J.shape[1], -1.0), np.ones(self.J.shape[1])
+
     def has(self, name: str) -> bool:
         """Return whether an effect has something to act on here."""
         return True

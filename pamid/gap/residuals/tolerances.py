@@ -82,8 +82,8 @@ class Tolerances(ABC):
         return self.z(spec, self._named(x)) - self.slopes(spec, x) @ x
 
     @property
-    def tolerance_ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """The lowest and highest deviations."""
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations of the free parameters; an integrator's step is never negative."""
         return np.where([name == STEPS for name in self.free], 0.0, -1.0) - self.about, 1.0 - self.about
 
     def _named(self, x: np.ndarray) -> dict[str, float]:
@@ -121,7 +121,7 @@ class Tolerances(ABC):
         """Start from the best fit of wide tolerances if residuals are nonlinear on the way; return whether they are."""
         x = np.zeros(len(self.free))
         least = loglik(self.z0, self.parts, self.weights)[0]
-        low, high = self.tolerance_ends
+        low, high = self.ends
         step = solve(self.z0, self.J, low, high, self.parts, self.weights).x
         there = self._deviated(step)
         linear, moved = self.J @ step, there - self.z0

@@ -135,10 +135,12 @@ class StackedEvidence:
                 columns[place[key]][self.places[k]] = log.evidence.J[:, j]
                 self._of[k].append((j, place[key]))
         self.J = np.column_stack(columns) if columns else np.zeros((self.n, 0))
-        self.about = np.zeros(len(columns))
+        self.about, low, high = np.zeros((3, len(columns)))
+        self.ends = low, high
         for log, columns_of in zip(self.logs, self._of, strict=True):
-            for j, at in columns_of:
-                self.about[at] = log.evidence.about[j]
+            mine, theirs = np.array(columns_of, dtype=int).reshape(-1, 2).T
+            self.about[theirs] = log.evidence.about[mine]
+            low[theirs], high[theirs] = (end[mine] for end in log.evidence.ends)
 
     def _sides(self, source: ResidualSource) -> np.ndarray:
         """Return the side of each window; where that is the equation, its place among those of all logs."""
