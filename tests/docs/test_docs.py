@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
+import inspect
 import json
 import re
 import shutil
@@ -118,6 +120,21 @@ def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[st
                     assert code == 0, f"{where}: {command}\n{capsys.readouterr().err}"
         elif block.language == "json":
             json.loads(block.text)
+
+
+@pytest.mark.parametrize("page", [p for p in PAGES if of(p, "python")], ids=name)
+def test_examples_give_the_same_numbers_each_time(page: Path) -> None:
+    """What draws random numbers has a seed."""
+    from pamid.estimators import all_estimators
+
+    drawn = {n for n, cls in all_estimators() if "random_state" in inspect.signature(cls).parameters}
+    assert {"ThermodynamicPIHM", "QAdapter"} <= drawn
+    for block in of(page, "python"):
+        for call in (node for node in ast.walk(ast.parse(block.text)) if isinstance(node, ast.Call)):
+            if isinstance(call.func, ast.Name) and call.func.id in drawn:
+                given = {word.arg for word in call.keywords}
+                where = f"{page.name}, line {block.line + call.lineno}"
+                assert given & {"random_state", None}, f"{where}: {call.func.id} without random_state"
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if of(p, "toml")], ids=name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import copy
 import functools
+import hashlib
 import inspect
 import os
 import pickle
@@ -280,6 +281,27 @@ def test_imports_stay_light():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+def digests() -> list[str]:
+    """What each instance with a seed predicts or transforms to, to the last bit."""
+    values = data.__wrapped__()
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        found = [outputs(fitted(e, values), values) for e in INSTANCES]
+    return [hashlib.sha256(b"".join(a.tobytes() for a in one.values())).hexdigest() for one in found]
+
+
+def test_a_seed_gives_the_same_numbers_in_every_process():
+    """Whatever the order of sets is in a process, and what was fitted before."""
+    folder = str(Path(__file__).parent)
+    code = f"import sys; sys.path.insert(0, {folder!r}); import test_common; print(*test_common.digests())"
+    ours = {**os.environ, "PYTHONHASHSEED": "7"}
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True, env=ours)
+    assert done.returncode == 0, done.stderr
+    names = [name_of(e) for e in INSTANCES]
+    pairs = zip(names, digests(), done.stdout.split(), strict=True)
+    assert not [name for name, here, there in pairs if here != there]
 
 
 # --- trajectories ---------------------------------------------------------------------------------------------
