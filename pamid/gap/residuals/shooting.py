@@ -67,7 +67,7 @@ class ShootingEvidence(PredictedEvidence):
         self.sigma = {n: max(self.channel_noise(n), 1e-4 * float(np.std(log.channels[n])), 1e-12) for n in self.shown}
         self.pushes: dict[tuple[str, str], float] = {}
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
-        self.ends = {n: end for n, end in found.items() if end is not None}
+        self.saturated = {n: end for n, end in found.items() if end is not None}
         self._from: dict[str, np.ndarray] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
@@ -335,9 +335,9 @@ class ShootingEvidence(PredictedEvidence):
         range ends there.
         """
         place, odds = self.placements.get(name), super().prior(name)
-        if place is None or place.name != "sensor_saturation" or place.at not in self.ends:
+        if place is None or place.name != "sensor_saturation" or place.at not in self.saturated:
             return odds
-        end, part = self.ends[place.at], self.parts[self.equations.index(place.at)]
+        end, part = self.saturated[place.at], self.parts[self.equations.index(place.at)]
         beyond = -np.sign(self.measured[part]) * self.value[part] > 3.0 * self.noise[part]
         standing = np.array([end.rows[a : a + self.n].all() for a in self.first[part]])
         return odds + min(DECIDED, self.n * end.surprise * int(np.sum(standing & beyond)))
@@ -369,7 +369,7 @@ class ShootingEvidence(PredictedEvidence):
         for name in self._unsure():
             lows[name], highs[name] = lows[name] / UNSURE, highs[name] * UNSURE
         length = float(np.median(lengths))
-        ends = {name: end.limit for name, end in self.ends.items()}
+        ends = {name: end.limit for name, end in self.saturated.items()}
         return SignalSizes(
             spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends, highs
         )
