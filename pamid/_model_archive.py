@@ -66,9 +66,9 @@ def read_archive(path: Path, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
 def unpack(data: bytes, name: str, max_bytes: int = MAX_BYTES) -> dict[str, bytes]:
     """Return the entries of a zip archive given as bytes; `read_archive` without the file."""
     if not data.startswith(b"PK\x03\x04"):
-        what = "is empty" if not data else f"starts with {data[:8]!r}, so it is not a zip archive"
+        what = "is empty" if not data else f"is no model file: it starts with {data[:8]!r}"
         raise TruncatedModelError(
-            f"{name} {what}.", "a model file written by pamid.persistence.save", "Check that this is the right file."
+            f"{name} {what}.", "a file written by 'pamid fit' or pamid.save", "Check that this is the right file."
         )
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:

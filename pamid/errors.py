@@ -6,11 +6,15 @@ so ``except ValueError`` keeps working and the command line can turn any `PamidE
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 _MOST = 2_000
 """Characters of a part of a message: what a file holds, however long, must not fill the screen."""
+
+
+_LONG = 25
+"""Names beyond which a list is longer than the two lines that somebody reads."""
 
 
 def _readable(text: str) -> str:
@@ -54,6 +58,16 @@ class PamidError(Exception):
     def __reduce__(self) -> tuple[type, tuple[str, str, str]]:
         """Rebuild from the three parts, so that errors cross process borders whole."""
         return type(self), (self.found, self.expected, self.remedy)
+
+
+def among(name: object, known: Iterable[str], otherwise: str = "Correct the name.") -> tuple[str, str]:
+    """Return what was expected, and what to do about a name that is not known; a long list is cut to names like it."""
+    import difflib
+
+    names = list(known)
+    close = difflib.get_close_matches(str(name), names, n=3)
+    expected = "a known name" if close and len(names) > _LONG else f"one of {', '.join(names)}"
+    return expected, f"Did you mean {' or '.join(close)}?" if close else otherwise
 
 
 # --- logs: the file -----------------------------------------------------------------------------------------

@@ -138,9 +138,9 @@ def run_batch(
     if not np.all(np.isfinite(y)):
         lost = runs[int(np.argmin(np.isfinite(y).all(0)))].name
         raise DivergedError(
-            f"The simulation of {lost} left the finite numbers.",
-            "a bench that stays within its range",
-            "Check the effects' parameters, or raise substeps.",
+            f"The simulation of {lost} diverged.",
+            "motions that the bench can make",
+            "Check the amplitudes and the effects' parameters, or raise substeps.",
         )
     return Record(q, P, F, mdot, U, Y, dY, F_true, mdot_true, actual)
 

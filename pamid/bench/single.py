@@ -186,7 +186,7 @@ class LiftBench:
         """Raise unless the state is finite."""
         if not np.all(np.isfinite(self._y)):
             raise DivergedError(
-                "The simulation of the lift left the finite numbers.", "a bench within its range", "Raise substeps."
+                "The simulation of the lift diverged.", "a motion that the bench can make", "Raise substeps."
             )
 
 

@@ -15,7 +15,7 @@ def add_trust_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--trust",
         action="store_true",
-        help="the code that SIM names (a Python function, an FMU) may run; pamid never runs any without this",
+        help="let the code that SIM names (a Python function, an FMU) run; without this option pamid runs none",
     )
 
 

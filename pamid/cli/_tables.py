@@ -14,6 +14,7 @@ from ..errors import (
     PamidError,
     ParameterError,
     UnknownOptionError,
+    among,
 )
 from ..requirements import WithLaws, last_step, reads_of
 from ..signals.unit_names import parse_quantity
@@ -146,28 +147,16 @@ def make_estimator(
     name: str, settings: dict[str, Any], seed: int | None, numbers_for: Callable[[tuple[str, ...]], dict[str, Any]]
 ) -> Any:
     """Make an estimator by its name: settings as given, numbers of pages of its kinds, seed where it takes one."""
-    import difflib
-
     from pamid.estimators import all_estimators
 
     # Others predict rates of states, pressures or several outputs, and not a force or a flow.
     known = {n: c for n, c in all_estimators() if set(getattr(c, "equations", ())) & set(TARGETS)}
     name, settings = _setting_of(name, settings, known)
     if name not in known:
-        close = difflib.get_close_matches(name, known, n=3)
-        raise UnknownOptionError(
-            f"There is no estimator {name!r}.",
-            f"one of {', '.join(known)}",
-            f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
-        )
+        raise UnknownOptionError(f"There is no estimator {name!r}.", *among(name, known))
     accepted = [p for p in inspect.signature(known[name]).parameters if p not in ("args", "kwargs")]
     if unknown := sorted(set(settings) - set(accepted)):
-        close = difflib.get_close_matches(unknown[0], accepted, n=3)
-        raise UnknownOptionError(
-            f"{name} has no parameter {', '.join(unknown)}.",
-            f"one of {', '.join(accepted)}",
-            f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
-        )
+        raise UnknownOptionError(f"{name} has no parameter {', '.join(unknown)}.", *among(unknown[0], accepted))
     settings = {k: parse_quantity(v, k) if k in SIZES and isinstance(v, str) else v for k, v in settings.items()}
     kinds = dict.fromkeys(k for e in getattr(known[name], "equations", ()) if e in TARGETS for k in TARGETS[e].kinds)
     values = {"random_state": seed, **{k: v for k, v in numbers_for(tuple(kinds)).items() if k != "unit"}}

@@ -65,7 +65,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         metavar="MAPPING.toml",
         help="mapping of the log's columns and units to pamid's signals; not needed for SI units and pamid's names",
     )
-    parser.add_argument("--encoding", metavar="NAME", help="of text files, such as big5 (default: found by itself)")
+    parser.add_argument("--encoding", metavar="NAME", help="encoding of text files, such as big5 (default: detected)")
     parser.add_argument(
         "--nan",
         choices=("raise", "drop", "keep"),

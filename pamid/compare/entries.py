@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import IncompatibleError, ParameterError, UnknownOptionError
+from ..errors import IncompatibleError, ParameterError, UnknownOptionError, among
 from ..requirements import is_sequential, reads_of
 
 EQUATIONS = {"force": ("F", "N"), "flow": ("mdot", "kg/s")}
@@ -206,9 +205,4 @@ def _not_offered(name: str, equation: str, found: Mapping[str, list[CandidateMod
         return IncompatibleError(
             f"{name} learns {learns}{together}.", f"an estimator of {equation}", f"Choose among {', '.join(found)}."
         )
-    close = difflib.get_close_matches(name, labels, n=2)
-    return UnknownOptionError(
-        f"There is no estimator {name!r}.",
-        f"one of {', '.join(found)}",
-        f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
-    )
+    return UnknownOptionError(f"There is no estimator {name!r}.", *among(name, labels if "(" in name else found))

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Sequence
 from functools import cache
 
 from .._discovery import modules
 from .._plugins import left_out, plugins
-from ..errors import UnknownOptionError
+from ..errors import UnknownOptionError, among
 from .base import Effect
 
 _NOT_EFFECTS = {"base", "plant", "registry"}
@@ -113,10 +112,7 @@ def make_effect(name: str, **values: float) -> Effect:
     """
     known = all_effects()
     if name not in known:
-        close = difflib.get_close_matches(str(name), known, n=3)
         raise UnknownOptionError(
-            f"There is no effect {name!r}.",
-            f"one of {', '.join(known)}",
-            f"Did you mean {' or '.join(close)}?" if close else "Import the module that defines it first.",
+            f"There is no effect {name!r}.", *among(name, known, "Import the module that defines it first.")
         )
     return known[name](**values)

@@ -29,7 +29,7 @@ class Status(Enum):
     STOPPED_BY_CALLBACK = "A callback asked to stop; the parameters so far are kept."
     INTERRUPTED = "The training was interrupted; the parameters so far are kept. Fit again to go on."
     DIVERGED = (
-        "The loss left the finite numbers; those before are kept. The usual causes are signals in wrong "
+        "The loss became infinite or NaN; the parameters before that are kept. The usual causes are signals in wrong "
         "units, outliers, or a learning rate that is too high."
     )
 

@@ -275,10 +275,10 @@ SIMS = [
 MODELS = [
     ("no such model", nothing("model.pamid"), E.ModelNotFoundError, ("model.pamid", "Check the path")),
     ("model is a folder", empty_folder, E.ModelNotFoundError, ("folder",)),
-    ("empty model", content("model.pamid", b""), E.TruncatedModelError, ("empty", "pamid.persistence.save")),
+    ("empty model", content("model.pamid", b""), E.TruncatedModelError, ("empty", "pamid.save")),
     ("model cut off", cut("model", 0.6), E.TruncatedModelError, ("damaged or cut off", "again")),
-    ("a pickle for a model", content("m.pkl", pickle.dumps(Ridge())), E.TruncatedModelError, ("not a zip archive",)),
-    ("a log for a model", lambda good, folder: good["csv"], E.TruncatedModelError, ("not a zip archive",)),
+    ("a pickle for a model", content("m.pkl", pickle.dumps(Ridge())), E.TruncatedModelError, ("no model file",)),
+    ("a log for a model", lambda good, folder: good["csv"], E.TruncatedModelError, ("no model file",)),
     ("no schema", entries(lambda f: f.pop("schema.json")), E.TruncatedModelError, ("schema.json",)),
     ("no metadata", entries(lambda f: f.pop("pamid.json")), E.TruncatedModelError, ("pamid.json",)),
     ("metadata not UTF-8", entries(lambda f: f.update({"pamid.json": b"\xff{}"})), E.TruncatedModelError, ("UTF-8",)),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 METHODS = ("q", "scales", "full", "partial", "lora")
 
 _DESCRIPTION = """\
-Adapt a model that 'pamid fit' saved for one muscle to another muscle, with a short log of it.
+Adapt a model of one muscle, saved by 'pamid fit', to another muscle with a short log of that muscle.
 
 First a grouped cross-validation estimates the error: in each fold the source is adapted to most runs and scored on the
 others, and so is the unadapted source. Then it is adapted to all runs and written to --out together with the source.
@@ -64,7 +64,10 @@ def add_parser(subparsers: Any) -> None:
         "volume; full, partial, lora: fine-tuning without a factor",
     )
     parser.add_argument(
-        "--trainer", choices=("levenberg_marquardt", "adam"), default="levenberg_marquardt", help="how to train"
+        "--trainer",
+        choices=("levenberg_marquardt", "adam"),
+        default="levenberg_marquardt",
+        help="training algorithm (default: levenberg_marquardt)",
     )
     parser.add_argument("--samples", type=int, default=1000, metavar="N", help="adapt on about N samples, 0 for all")
     parser.add_argument("--folds", type=int, default=3, metavar="K", help="folds of the held-out check, 0 for none")

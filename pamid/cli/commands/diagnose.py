@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import ParameterError, UnknownOptionError
+from ...errors import ParameterError, UnknownOptionError, among
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ...json_data import json_ready
@@ -51,8 +51,8 @@ SIM.toml may also describe a cylinder, a joint or a single muscle, as 'pamid ini
 simulator: a Python function, a MuJoCo model, an FMU or a python-control system (docs/simulators.md). A model file
 itself, .xml or .fmu, works too. Effects then act at its ports, and the corrected simulator is written in its format.
 
-With --where only windows count whose rows all meet the condition; the states of effects still run through the others.
-On a bench the condition applies to the readings of force and flow, not to joint and valve.
+With --where, only windows in which all rows meet the condition are compared; effects with memory still run through the
+other rows. On a bench the condition applies to the readings of force and flow, not to joint and valve.
 
 Several LOGs with several runs each are diagnosed together: causes are shared, and a cause may appear or disappear
 between two days. Valves, friction and gas of a bench, and clocks and offsets of other simulators, may differ from day
@@ -205,8 +205,6 @@ def _tried_on(args: argparse.Namespace, d: Diagnosis) -> pd.DataFrame | None:
 
 def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[str]:
     """Return the names of the effects that may be the cause of a simulator's gap."""
-    import difflib
-
     from ...effects import all_effects
     from ...effects.registry import chosen_effects
     from ...simulators import Simulator, port_effects
@@ -220,12 +218,10 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
         for name in found:
             if name.partition("@")[0] not in known:
                 like = [k for k in known if k.partition("_")[2] == name.partition("_")[2] != ""]
-                close = sorted(like)[:3] if at_ports and like else difflib.get_close_matches(name, known, n=3)
-                raise UnknownOptionError(
-                    f"{option} names {name!r}, which is not an effect.",
-                    f"one of {', '.join(sorted(known))}",
-                    f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
-                )
+                expected, remedy = among(name, sorted(known))
+                if at_ports and like:  # of the same kind, under the name that it has on the bench
+                    remedy = f"Did you mean {' or '.join(sorted(like)[:3])}?"
+                raise UnknownOptionError(f"{option} names {name!r}, which is not an effect.", expected, remedy)
         return found
 
     left_out = {name for text in without for name in names(text, "--without")}

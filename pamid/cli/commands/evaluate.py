@@ -35,7 +35,7 @@ deviation of the measurement (nrmse), and the noise floor: the rmse of a perfect
 estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain it:
 --refit first fits them within their tolerances.
 
-fit is 100 % less nrmse, as in MATLAB's compare.
+The column fit is 100 % − nrmse, as in MATLAB's compare.
 
 SIM.toml may also describe a cylinder, a joint or a muscle with its one equation, or your own simulator: a function,
 equations, a MuJoCo model, an FMU. With --model, a model saved by 'pamid fit' predicts the log instead.

@@ -47,13 +47,13 @@ Inspect a log with any names and units, and write the two files that the other c
   sim.toml       the parameters of the recorded bench, cylinder, joint or muscle, with comments
 
 Names and units are recognised from the column names, English or German, or guessed from the values. On a terminal the
-command asks for what the log does not tell. Elsewhere, or with --yes, a missing unit or number is assumed and marked
+command asks for what the log does not show. In a script, or with --yes, a missing unit or number is assumed and marked
 ASSUMED in the files; an ambiguity (gauge or absolute, two columns for one signal, an unknown unit) is an error that
 names the option to set. The log is read with the new mapping before anything is written.
 """
 _EXAMPLES = """\
   pamid init run1.csv --sim arm.xml --out setup                    ports of a MuJoCo model, or of an FMU
-  pamid init run1.csv                                              asks for what the log does not tell
+  pamid init run1.csv                                              asks for what the log does not show
   pamid init run1.csv --kind muscle --set rest_length='200 mm' --set rest_diameter='20 mm' --yes
   pamid init *.csv --kind cylinder --signal time=0:ms --signal x=4:mm --signal P=5:bar:gauge --signal F=6:N \\
       --set bore='25 mm' --yes --out setup                         a log without column names
@@ -113,9 +113,9 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--assume",
         choices=("gauge", "absolute"),
-        help="whether pressures are gauge or absolute if name, unit, range and force do not tell",
+        help="whether pressures are gauge or absolute where name, unit, range and force do not show it",
     )
-    parser.add_argument("--encoding", metavar="NAME", help="of text files, such as big5 (default: found by itself)")
+    parser.add_argument("--encoding", metavar="NAME", help="encoding of text files, such as big5 (default: detected)")
     parser.add_argument("--out", metavar="DIR", default=".", help="folder for the two files (default: this one)")
     parser.add_argument("--yes", action="store_true", help="ask nothing, accept all proposals")
     parser.add_argument("--force", action="store_true", help="replace existing files")
@@ -214,9 +214,10 @@ def _run(args: argparse.Namespace) -> int:
             show(draft)
         if not ask.interactive:
             raise ParameterError(
-                f"The columns {names(draft)} do not tell what was recorded.",
+                f"The columns {names(draft)} do not show what was recorded.",
                 f"--kind {', '.join(kinds())}",
-                "Add --kind, and --signal for columns whose names say nothing; another system goes by its --equation.",
+                "Add --kind, and --signal for columns whose names say nothing. For any other system name its simulator "
+                "(--sim) or its equations (--equation).",
             )
         draft = draft_for(args.log, ask.choice("What was recorded?", kinds(), "muscle"), encoding=args.encoding)
     for pair in args.signal:

@@ -25,22 +25,23 @@ FILES = ("plan.json", "runs.toml", "set_points.csv")
 """What --out receives."""
 _ROOM = 1 << 22
 _DESCRIPTION = """\
-Design the next run after 'pamid diagnose --out DIR'. From a continuous family of runs (sines, triangles, steps,
-multisines, holds, one muscle at constant pressure, pressures that rise together, valves shut; amplitude, frequency,
-offset and mean pressure within the limits of the bench) choose the one for which the remaining explanations, each
-refitted, differ most. Up to five runs share the time. If one explanation remains, choose the run that best determines
-its parameters; if none does, the run that would show effects that the logs could not show.
+Design the next run after 'pamid diagnose --out DIR': the run for which the remaining explanations, each refitted,
+differ most. If only one explanation remains, it is the run that best determines its parameters; if none remains, the
+run that would show effects that the logs could not show. With --runs, up to five runs share the time.
+
+For the bench the runs are sines, triangles, steps, multisines, holds, one muscle at constant pressure, pressures that
+rise together, or valves shut; amplitude, frequency, offset and mean pressure stay within the limits of the bench.
 
 The plan says in advance what each outcome would mean, and whether any run within the limits can decide.
 
 For any other simulator with ports (a function, equations, a MuJoCo model, an FMU) the inputs are designed (sines,
-triangles, steps, multisines, chirps and holds), each within its range in the logs or --limit and --rate, and readings
-are kept near their range in the logs. --change names a possible change of the system, such as another mass: the plan
-then says whether that would tell more than any run without it.
+triangles, steps, multisines, chirps and holds), each within its range in the logs or within --limit and --rate;
+readings stay near their range in the logs. --change names a possible change of the system, such as another mass: the
+plan then says whether that would tell more than any run without it.
 
 --out (default: DIR/next) receives runs.toml, set_points.csv for the real system (time and each input; for a bench the
-reference angle, pressure to add, the role of each muscle, valves shut), and plan.json. Record them, then continue with
-'pamid diagnose LOG --since DIR --out SECOND'. 'pamid simulate --runs' takes a bench's runs.toml, too.
+reference angle, pressure to add, the role of each muscle, valves shut), and plan.json. Record the runs, then
+continue with 'pamid diagnose LOG --since DIR --out SECOND'. 'pamid simulate --runs' takes a bench's runs.toml, too.
 """
 _EXAMPLES = """\
   pamid next diagnosis

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import difflib
 import inspect
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import LogFormatError, ParameterError, UnknownOptionError
+from ...errors import LogFormatError, ParameterError, UnknownOptionError, among
 from .._progress import progress
 from ..common import add_command, checked_output, load_simulator, parse_settings, print_json
 
@@ -162,12 +161,7 @@ def _trajectory(text: str) -> Any:
     kind, _, rest = text.partition(":")
     kind = kind.strip()
     if kind not in _KINDS:
-        close = difflib.get_close_matches(kind, _KINDS, n=2)
-        raise UnknownOptionError(
-            f"There is no kind of trajectory {kind!r}.",
-            f"one of {', '.join(_KINDS)}",
-            f"Did you mean {' or '.join(close)}?" if close else "Correct the name.",
-        )
+        raise UnknownOptionError(f"There is no kind of trajectory {kind!r}.", *among(kind, _KINDS))
     values: dict[str, Any] = dict(_numbers(rest, "--trajectory", "sine:frequency=4,amplitude=10"))
     make = getattr(references, kind)
     seconds = values.pop("seconds", 4.0)
@@ -177,7 +171,7 @@ def _trajectory(text: str) -> Any:
     if unknown or missing:
         raise ParameterError(
             f"The trajectory {text!r} has {'no' if missing else 'an unknown'} {', '.join(missing or unknown)}.",
-            f"{', '.join(needed)} (and if you like {', '.join(a for a in accepted if a not in needed)}, seconds)",
+            f"{', '.join(needed)} (optional: {', '.join(a for a in accepted if a not in needed)}, seconds)",
             f"Write for instance {kind}:{','.join(f'{n}=10' for n in needed)},seconds=4.",
         )
     if not 0.01 <= seconds <= 100_000:

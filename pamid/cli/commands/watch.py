@@ -31,17 +31,17 @@ _PATIENCE = 2.0
 """Seconds without a sample, after which it is."""
 
 _DESCRIPTION = """\
-Monitor a rig during operation: samples are read as JSON lines from a growing file or a pipe, one object per line. For
-a muscle they hold time (s), eps (-), P (Pa, absolute) and F (N), mdot (kg/s) or both. Of a bench's samples with q, P1,
-P2, F1, F2, mdot1 and mdot2 one muscle is monitored (--muscle). For any other simulator they hold time and the columns
-of its ports; when its error grows, the samples since then are diagnosed as a log of another day. The sampling interval
-is found from the stream.
+Monitor a rig during operation. Samples are JSON lines from a growing file or a pipe, one object per sample:
+
+  muscle               time (s), eps (-), P (Pa, absolute) and F (N), mdot (kg/s) or both
+  bench                time, q, P1, P2, F1, F2, mdot1, mdot2; one muscle is monitored (--muscle)
+  any other simulator  time and the columns of its ports; when the error grows, the samples since then are diagnosed
+                       as a log of another day
 
 The first seconds (--learn) must be healthy: the monitor learns from them how the evidence varies by chance. After that
 it names effects that appear (a leak, friction, hysteresis) at the false alarm rate that you allow. Late and lost
 samples, uneven times, gaps, missing values, glitches, malformed lines and a restarted stream are counted and tolerated.
-If it cannot see, because samples or signals are missing, are stuck or are in another unit, it says so within seconds:
-"blind because ...".
+If samples or signals are missing, stuck or in another unit, it reports within seconds that it is blind, and why.
 
 The output is one line per event, with --json one object per line.
 """
@@ -62,14 +62,14 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("stream", metavar="STREAM", help="file of JSON lines, or - for a pipe")
     parser.add_argument(
         "--sim", metavar="SIM", required=True,
-        help="simulator: file of the bench, page of the muscle, or one with ports (MuJoCo, FMU, page)",
+        help="simulator file of a bench, a muscle or a simulator with ports, or a MuJoCo model or FMU",
     )  # fmt: skip
     parser.add_argument(
         "--columns", metavar="MAPPING.toml",
-        help="columns and units of the samples for a simulator with ports, as 'pamid init' writes them of a log",
+        help="columns and units of the samples for a simulator with ports, as 'pamid init' writes them for a log",
     )  # fmt: skip
     add_trust_option(parser)
-    parser.add_argument("--model", metavar="MODEL", help="fitted hybrid model whose volume is the healthy one")
+    parser.add_argument("--model", metavar="MODEL", help="fitted hybrid model that describes the healthy muscle")
     parser.add_argument(
         "--muscle", type=int, choices=(1, 2), default=1, help="muscle of a bench's samples (default: 1)"
     )

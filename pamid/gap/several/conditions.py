@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
 from ...bench.parameters import NUMBERS, BenchParameters
-from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError
+from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError, among
 from ...simulators.base import Simulator
 from ...toml_files import TomlErrors, read_small_text
 
@@ -88,12 +87,10 @@ def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dic
     numbers = NUMBERS if simulator is None else tuple(simulator.parameters)
     for k, name in enumerate(header):
         if name not in ("log", "day", *numbers) or name in header[:k]:
-            close = difflib.get_close_matches(name, [*numbers, "day"], n=2)
             raise UnknownOptionError(
                 f"{file.name} has a column "
                 f"'{name}'{', not a simulator parameter' * (name not in header[:k])}{' twice' * (name in header[:k])}.",
-                f"log, day, or any of {', '.join(numbers)}",
-                f"Did you mean {' or '.join(close)}?" if close else "Correct or remove it.",
+                *among(name, ["log", "day", *numbers], "Correct or remove it."),
             )
     found: dict[str, Conditions] = {}
     stems: set[str] = set()
