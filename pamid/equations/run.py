@@ -11,7 +11,7 @@ import numpy as np
 from ..laws.valve import valve_flow
 from ..signals.paths import Path, play
 from .noise import ChannelNoise, channel_noise, noise_beside
-from .stretch import BRIDGED, HALF, Stretch
+from .stretch import BRIDGED, HALF, Stretch, remembered
 from .windows import WINDOW, Windows, average, span, starts
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ _SETTLING = 0.1  # s: what effects remember from before a log is not known; wind
 _SHORT = 4  # … but no more than one part in so many of a short stretch at either end
 _LEAST = 0.1  # share of the samples of a window that must be there
 _STILL = 0.5  # of the angle's noise, of which a local fit leaves a third: motion within it counts as rest
-_REMEMBERED = 12  # memories of paths, and results of nominal parameters, that are kept for fits to come
 
 
 class Tested(Protocol):
@@ -80,9 +79,9 @@ class Run:
         faults = model.with_hook("measure")
         # What a filter makes of the same readings is the same, and what a path leaves in the same bristles.
         self.smoothed = {} if faults else stretch.smoothed
-        self.memories = {} if faults else stretch.memories
-        self.paths = {} if faults else stretch.paths
-        self.signals = {} if faults else stretch.signals
+        self.memories = remembered() if faults else stretch.memories
+        self.paths = remembered() if faults else stretch.paths
+        self.signals = remembered() if faults else stretch.signals
         remembering = any(effect.n_states for effect in model.effects)
         # A short stretch keeps most of its rows, and room for a window of each order.
         room = max(len(self.time) - 4 * self.n - 2, 0) // 2
@@ -93,7 +92,7 @@ class Run:
         )
         if not stretch.noises:
             stretch.noises.update({name: self._noise(name) for name in stretch.readings})
-        self.geometry = {} if faults else stretch.geometry
+        self.geometry = remembered() if faults else stretch.geometry
         faulty = {fault.channel for fault in faults} & set(stretch.readings)
         self.responses = {name: self._restored(name, faults) for name in faulty}
         self.remembered = {fault.channel for fault in faults if fault.n_states}  # undone to within a sample
@@ -242,12 +241,7 @@ class Run:
 
     def kept(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
         """Return what nominal parameters make of the readings, made once for all simulators that share them."""
-        found = self.geometry.get(key)
-        if found is None:
-            if len(self.geometry) >= _REMEMBERED:
-                self.geometry.pop(next(iter(self.geometry)))
-            found = self.geometry[key] = make()
-        return found
+        return self.geometry.get(key, make)
 
     # --- effects --------------------------------------------------------------------------------------------
     def smooth(self, channel: str, deriv: int) -> np.ndarray:
@@ -278,11 +272,7 @@ class Run:
         p = self.model.params
         geometry = p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction
         key = (effect.site, *effect.roles, effect.n_states > 0, *geometry)
-        if key not in self.signals:
-            if len(self.signals) >= _REMEMBERED:
-                self.signals.pop(next(iter(self.signals)))
-            self.signals[key] = self._made_signals(effect)
-        return self.signals[key]
+        return self.signals.get(key, lambda: self._made_signals(effect))
 
     def _made_signals(self, effect: Effect) -> Signals:
         from ..effects import Signals
@@ -320,21 +310,15 @@ class Run:
         p = self.model.params
         shape = (effect.values[q.name] for q in effect.parameters if not q.linear)
         key = (effect.name, *shape, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
-        if key not in self.memories:
-            if len(self.memories) >= _REMEMBERED:
-                self.memories.pop(next(iter(self.memories)))
-            self.memories[key] = effect.trace_along(self._path(effect, signals), self.model.plant, self.dt)
-        return self.memories[key]
+        return self.memories.get(
+            key, lambda: effect.trace_along(self._path(effect, signals), self.model.plant, self.dt)
+        )
 
     def _path(self, effect: Effect, signals: Signals) -> Path:
         """Return the path that an effect remembers, made once for all effects of a muscle, or of the joint."""
         p = self.model.params
         key = (effect.site, p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction)
-        if key not in self.paths:
-            if len(self.paths) >= _REMEMBERED:
-                self.paths.pop(next(iter(self.paths)))
-            self.paths[key] = Path(signals.position, self.starts)
-        return self.paths[key]
+        return self.paths.get(key, lambda: Path(signals.position, self.starts))
 
     def _having(self, hook: str) -> Iterator[tuple[Effect, Signals, Any]]:
         for effect, signals, memory in self._traces if self.model.effects else ():

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..remembered import Remembered
 from ..signals.paths import Path
 from .noise import ChannelNoise, roughness
 from .windows import WINDOW, Bridge, Windows, samples_per_window
@@ -27,6 +28,8 @@ HALF = 0.5
 """Longest time between two samples that the test function of a derivative may hold, in windows."""
 JITTER = 0.25
 """Deviation of a time from equal steps that may be a clock's own, in steps."""
+REMEMBERED = 12
+"""Memories of paths, and results of nominal parameters, that are kept for fits to come."""
 _BETTER = 0.8  # of the angle's noise: the clock under which the angle is so much smoother is the right one
 _BRACKET = 1.9  # rows: samples that are closer determine a smooth signal between them
 _SLOWEST = 3.5  # sampling intervals: two samples lost in a row of a slow log are bridged as well
@@ -34,6 +37,11 @@ _ENOUGH = 1000  # rows that tell the noise of a channel well enough
 _JUMPS = ("mdot", "u")
 _SEEN = 0.01  # of the full command: a smaller step that comes a sample earlier or later does not show in a flow
 _JUMP = 8.0  # standard deviations of what lies between samples: a step over a hole that is larger is a jump
+
+
+def remembered() -> Remembered[Any]:
+    """Return a cache of what fits to come will need again."""
+    return Remembered(REMEMBERED)
 
 
 @dataclass
@@ -53,10 +61,10 @@ class Stretch:
     noises: dict[str, list[ChannelNoise]] = field(default_factory=dict)
     selections: dict[tuple[Any, ...], Windows] = field(default_factory=dict)
     smoothed: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
-    memories: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
-    geometry: dict[tuple[Any, ...], np.ndarray] = field(default_factory=dict)
-    paths: dict[tuple[Any, ...], Path] = field(default_factory=dict)
-    signals: dict[tuple[Any, ...], Signals] = field(default_factory=dict)
+    memories: Remembered[np.ndarray] = field(default_factory=remembered)
+    geometry: Remembered[np.ndarray] = field(default_factory=remembered)
+    paths: Remembered[Path] = field(default_factory=remembered)
+    signals: Remembered[Signals] = field(default_factory=remembered)
 
     def __post_init__(self) -> None:
         self.n: int = samples_per_window(self.dt)

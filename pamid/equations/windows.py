@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ..remembered import Remembered
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -131,7 +133,7 @@ class Windows:
     """Rows that count, for order 1; all by default. Shape (n_rows, n_sides)."""
     parts: tuple[slice, ...] = (slice(None),)
     """The windows of each stretch, where several are joined."""
-    _covariances: dict[tuple[str, bytes], np.ndarray] = field(default_factory=dict, repr=False)
+    _covariances: Remembered[np.ndarray] = field(default_factory=lambda: Remembered(_KEPT), repr=False)
     _time: np.ndarray | None = field(default=None, repr=False)
 
     def mean(self, x: np.ndarray) -> np.ndarray:
@@ -166,11 +168,7 @@ class Windows:
             found = [[[one.covariance(weights, lag * self.n) for one in noise]] for lag in range(self.order)]
             return np.array(found)
         key = (channel, weights.tobytes())
-        if key not in self._covariances:
-            if len(self._covariances) >= _KEPT:
-                self._covariances.pop(next(iter(self._covariances)))
-            self._covariances[key] = self._sparse_covariances(weights, noise, bridges)
-        return self._covariances[key]
+        return self._covariances.get(key, lambda: self._sparse_covariances(weights, noise, bridges))
 
     def _sparse_covariances(
         self, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None

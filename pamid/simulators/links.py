@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..errors import ParameterError, UnknownOptionError
+from ..remembered import Remembered
 from ..signals.units import UNITS
 from .base import Simulator
 from .between import Between, ends_of
@@ -113,29 +114,6 @@ class Link:
         states = simulator.states
         added[states.index(self.first.state)] += one * force
         added[states.index(self.second.state)] -= two * self.lever * force
-
-
-class Kept:
-    """Shares that change with the states, cached for the latest ones.
-
-    Parameters
-    ----------
-    make : callable
-        The shares at times, states and inputs.
-    """
-
-    def __init__(self, make: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[Any, Any]]) -> None:
-        self.make = make
-        self._found: dict[int, tuple[Any, Any]] = {}
-
-    def __call__(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:
-        """Return the shares."""
-        key = hash((x.tobytes(), u.tobytes()))
-        if key not in self._found:
-            while len(self._found) >= _KEPT:
-                self._found.pop(next(iter(self._found)))
-            self._found[key] = self.make(t, x, u)
-        return self._found[key]
 
 
 # --- ends ---------------------------------------------------------------------------------------------------
@@ -376,8 +354,13 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
         one, two = raw(t, x, u)
         return one * size / factors[0], two * size / factors[1]
 
+    kept: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(_KEPT)
+
+    def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return kept.get(hash((x.tobytes(), u.tobytes())), lambda: make(t, x, u))
+
     unit = "m^3/s" if mass is not None else rate_unit(simulator, first.state)
-    return Link(b.name, first, second, 1.0, unit, Kept(make))
+    return Link(b.name, first, second, 1.0, unit, shares)
 
 
 def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:

@@ -9,8 +9,8 @@ from pamid.estimators import GapDiagnoser, GeometricForce
 
 from pamid.effects import Signals, make_effect
 from pamid.gap.inference.sensitivity import relinearised, templates
-from pamid.gap.residuals.remembered import Remembered
 from pamid.gap.residuals.single import SignalEvidence
+from pamid.remembered import Remembered
 from pamid.systems.muscle import Muscle
 
 MUSCLE = Muscle(rest_length=0.3, rest_diameter=0.01)
@@ -100,7 +100,7 @@ def test_the_geometry_of_a_thicker_braid_is_two_areas():
 
 
 def test_what_is_remembered_has_an_end():
-    kept, made = Remembered(most_bytes=100), []
+    kept, made = Remembered(100, lambda x: x.nbytes), []
 
     def make(k):
         made.append(k)

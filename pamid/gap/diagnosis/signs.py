@@ -159,7 +159,8 @@ class _Told:
         )
         # A cause by the same parameter is its change beyond the tolerance, which the tolerance cannot explain.
         own = ~np.isclose(np.abs(_cosines(J, whole)), 1.0, atol=1e-2)
-        d = whole - J[:, own] @ _within(J[:, own], whole, low[own], high[own])
+        J, low, high = J[:, own], low[own], high[own]
+        d = whole - J @ bounded(J.T @ J, J.T @ whole, low, high)
         information, score = self.weight * d * d, -self.weight * d * fit.z
         runs, uneven = over_labels(evidence.block, information, score), 0.0
         for x in evidence.state.values():
@@ -185,11 +186,6 @@ class _Told:
             others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
             d = d - others @ np.linalg.lstsq(others, d, rcond=1e-9)[0]
         return over_stretches(self.evidence, d * d, -d * size * self.best.fit.z).half
-
-
-def _within(J: np.ndarray, whole: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return the changes of parameters within their bounds that come nearest to a cause."""
-    return bounded(J.T @ J, J.T @ whole, low, high)
 
 
 def _cosines(A: np.ndarray, x: np.ndarray) -> np.ndarray:

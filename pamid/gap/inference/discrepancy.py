@@ -21,6 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...remembered import Remembered
 from ...signals.recursion import past
 from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FORM_ELSEWHERE, FORM_EXACT, FORM_LOCAL
@@ -44,7 +45,7 @@ class Discrepancy:
 
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence = evidence
-        self._contributions: dict[str, dict[str, tuple[np.ndarray, np.ndarray]]] = {}
+        self._contributions: Remembered[dict[str, tuple[np.ndarray, np.ndarray]]] = Remembered(8)
         self._signals: list[np.ndarray] | None = None
 
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
@@ -57,15 +58,16 @@ class Discrepancy:
 
     def _parts_of(self, fit: Fit) -> dict[str, tuple[np.ndarray, np.ndarray]]:
         """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
-        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
-        if key not in self._contributions:
+
+        def made() -> dict[str, tuple[np.ndarray, np.ndarray]]:
             found, J = {}, self.evidence.slopes(fit.spec, fit.x)
             for name in fit.spec:
                 rest = {k: v for k, v in fit.spec.items() if k != name}
                 d = -self.evidence.change(rest, fit.spec, fit.x)
                 found[name] = d, d - J @ np.linalg.lstsq(J, d, rcond=None)[0] if J.shape[1] else d
-            self._contributions = {**dict(list(self._contributions.items())[-7:]), key: found}
-        return self._contributions[key]
+            return found
+
+        return self._contributions.get(f"{fit.spec!r} {fit.x.tobytes()!r}", made)
 
     def main_part(self, fit: Fit, name: str) -> int:
         """Return the place of the equation in which an effect of a fit is largest, in units of noise."""
@@ -101,14 +103,10 @@ class Discrepancy:
         if not rough:
             return np.inf
         A = np.column_stack([self.evidence.slopes(fit.spec, fit.x), D])
-        size = np.maximum(np.sqrt(np.sum(np.square(A), axis=0)), 1e-300)
-        A = A / size
+        H, d, free = A.T @ A, direct[name], np.full(D.shape[1], np.inf)
         # Tolerances explain no more than their bounds allow.
-        free = np.full(D.shape[1], np.inf)
-        lower = np.concatenate([fit.low - fit.x, -free]) * size
-        upper = np.concatenate([fit.high - fit.x, free]) * size
-        d = direct[name]
-        alone = self.evidence.raw(d - A @ bounded(A.T @ A + 1e-9 * np.eye(len(size)), A.T @ d, lower, upper))
+        lower, upper = np.concatenate([fit.low - fit.x, -free]), np.concatenate([fit.high - fit.x, free])
+        alone = self.evidence.raw(d - A @ bounded(H + 1e-9 * np.diag(np.diag(H)), A.T @ d, lower, upper))
         beside, whole = self.evidence.raw(np.sum(rough, axis=0)), self.evidence.raw(direct[name])
         sizes = [
             [float(np.sqrt(np.mean(np.square(d[p])))) for d in (alone, beside, whole)] for p in self.evidence.parts

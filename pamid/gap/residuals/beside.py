@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.catalogue import placements
 from ...simulators.placement import Placement
 from ...simulators.sizes import SignalSizes
-from .remembered import Remembered
 
 if TYPE_CHECKING:
     from .protocol import Active
@@ -35,9 +35,9 @@ class Beside(ABC):
     notes: list[str]
     _own: Active
     _there: frozenset[str]
-    _kept: Remembered
+    _kept: Remembered[np.ndarray]
     _touches: dict[str, list[str]]
-    _laid: dict[str, np.ndarray]
+    _laid: Remembered[np.ndarray]
     _nuisances: np.ndarray | None = None
 
     @abstractmethod
@@ -82,8 +82,9 @@ class Beside(ABC):
         self.placements = placements(self.simulator, sizes)
         self._there &= self.placements.keys()
         self.twins = self._twins()
-        for kept in (self._kept, self._touches, self._laid):
-            kept.clear()
+        self._kept.clear()
+        self._laid.clear()
+        self._touches.clear()
         if self._own:
             notes, self._own = list(self.notes), self._made_own()
             self.notes = notes

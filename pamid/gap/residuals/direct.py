@@ -11,12 +11,13 @@ effect that acts on a joint adds to one equation.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from ...equations.windows import average, span, starts
+from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest
@@ -83,7 +84,7 @@ class DirectEvidence(UndoneEvidence):
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
         self._straight: dict[int, bool] = {}
-        self._asked: dict[tuple[Any, ...], np.ndarray] = {}
+        self._asked: Remembered[np.ndarray] = Remembered(MOST_ASKED)
         self._table: dict[str, np.ndarray] = {}
         self._spreads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._jumps: dict[str, np.ndarray] = {}
@@ -238,10 +239,8 @@ class DirectEvidence(UndoneEvidence):
                 column = self._under(u) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
-            shown = self._outputs(self._x, self._u, self.simulator.numbers)
-            still = self._windowed([], self.log.channels, self._base_rates, shown)
             for name, change in within_steps(self._base_rates, self._earlier, self.balances, self.log):
-                column = self._windowed([], self.log.channels, self._base_rates + change, shown) - still
+                column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
         self._allow()
@@ -251,12 +250,11 @@ class DirectEvidence(UndoneEvidence):
         late = lateness(self.simulator.states, list(self.derived.values()), order)
         return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
 
-    def _under(self, u: np.ndarray) -> np.ndarray:
-        """Return the residuals under other inputs."""
-        log, known = self.log, self.simulator.numbers
+    def _under(self, u: np.ndarray, change: np.ndarray | float = 0.0) -> np.ndarray:
+        """Return the residuals under other inputs, or with rates that differ."""
+        known = self.simulator.numbers
         rates = self._total_rates(self._x, u, np.hstack([u, self._ends(u)]), known, False)
-        outputs = self._outputs(self._x, u, known)
-        return self._windowed([], log.channels, rates, outputs)
+        return self._windowed([], self.log.channels, rates + change, self._outputs(self._x, u, known))
 
     def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         log, simulator = self.log, self.simulator
@@ -397,14 +395,7 @@ class DirectEvidence(UndoneEvidence):
         """Return the rates of the measured motion at both ends of each step; cached for the latest parameters."""
         if np.array_equal(p, self.simulator.numbers):
             return self._base_rates
-        return self._kept_rates(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._ends(self._u), p))
-
-    def _kept_rates(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
-        if key not in self._asked:
-            while len(self._asked) >= MOST_ASKED:
-                self._asked.pop(next(iter(self._asked)))
-            self._asked[key] = make()
-        return self._asked[key]
+        return self._asked.get(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._ends(self._u), p))
 
     def _slope(self, k: int, p: np.ndarray) -> np.ndarray | None:
         """Return the slope of the rates over an input at both ends of each step; None where they are nonlinear."""
@@ -412,7 +403,7 @@ class DirectEvidence(UndoneEvidence):
             self._straight[k] = self._is_straight(k)
         if not self._straight[k]:
             return None
-        return self._kept_rates((k, p.tobytes()), lambda: self._found_slope(k, p))
+        return self._asked.get((k, p.tobytes()), lambda: self._found_slope(k, p))
 
     def _found_slope(self, k: int, p: np.ndarray) -> np.ndarray:
         step = float(np.ptp(self._u[k])) or 1.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
+from operator import attrgetter
 from types import MappingProxyType
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from ...effects import Effect
 from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError, UnknownOptionError
+from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
 from ...simulators.catalogue import placements, port_effects
@@ -26,11 +28,10 @@ from .between_rows import STEPS
 from .linked import Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
-from .remembered import Remembered
 from .repeats import pieces, repeats
 from .settled import Settled
 from .single import UNTURNED, memory_of
-from .tolerances import SMALL, Tolerances, differ, rms
+from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
 from .whitening import Whitening, smoothed
 
 REPLICATES = 6
@@ -86,7 +87,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
         self.windows: list[PortWindows] = []
-        self._kept = Remembered(MOST_KEPT)
+        self._kept: Remembered[np.ndarray] = Remembered(MOST_KEPT, attrgetter("nbytes"))
         self._touches: dict[str, list[str]] = {}
         self.notes: list[str] = list(log.notes)
         self.placements = {}
@@ -97,7 +98,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self.about = np.zeros(len(self.free))
         self.skews: dict[str, np.ndarray] = {}
         self._turning: dict[str, bool] = {}
-        self._laid: dict[str, np.ndarray] = {}
+        self._laid: Remembered[np.ndarray] = Remembered(MOST_LAID)
         self._own: Active = []
 
     def _settle(self) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...effects import Effect
 from ...errors import SimulatorRunError
+from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...simulators.base import Simulator
 from ...simulators.integrate import Runner
@@ -58,8 +59,8 @@ class PredictedEvidence(StretchEvidence):
         self._has_run = False
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
-        self._kept_states: dict[int, tuple[list[np.ndarray], list[np.ndarray]]] = {}
-        self._responses: dict[int, Response] = {}
+        self._kept_states: Remembered[tuple[list[np.ndarray], list[np.ndarray]]] = Remembered(MOST_STATES)
+        self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
         self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
@@ -175,8 +176,11 @@ class PredictedEvidence(StretchEvidence):
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
         key = hash((x0.tobytes(), u.tobytes(), named(acting, p), self.lines))
-        if key in self._kept_states:
-            return self._kept_states[key]
+        return self._kept_states.get(key, lambda: self._simulated(x0, u, p, acting, many))
+
+    def _simulated(
+        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int
+    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         simulator, log, given = self.simulator, self.log, u
         u = drawn(u, log.starts, self.substeps) if self.lines else u
         length = max(s.stop - s.first for s in self.stretches)
@@ -195,9 +199,6 @@ class PredictedEvidence(StretchEvidence):
                 at = slice(s.first, s.stop)
                 with np.errstate(all="ignore"):
                     outputs[k] = simulator.output(log.t[at], own, given[:, at], copies[k // len(self.stretches)][:, at])
-        while len(self._kept_states) >= MOST_STATES:
-            self._kept_states.pop(next(iter(self._kept_states)))
-        self._kept_states[key] = states, outputs
         return states, outputs
 
     def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -313,15 +314,15 @@ class PredictedEvidence(StretchEvidence):
     def _response(self, x0: np.ndarray, drive: Drive, states: list[np.ndarray]) -> Response:
         """Return the response of runs to small changes; cached for the latest ones."""
         key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p), drive.lines))
-        if key not in self._responses:
-            while len(self._responses) >= MOST_RESPONSES:
-                self._responses.pop(next(iter(self._responses)))
+
+        def made() -> Response:
             firsts = np.array([s.first for s in self.stretches])
             joints = self.joints if drive.acting else ()
             found = Response(self.simulator, self.log, firsts, np.concatenate(states, axis=1), drive, joints)
             self.simulated += found.evaluations / (4.0 * self.substeps)
-            self._responses[key] = found
-        return self._responses[key]
+            return found
+
+        return self._responses.get(key, made)
 
 
 def _far(p: np.ndarray, q: np.ndarray) -> bool:

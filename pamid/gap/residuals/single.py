@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,12 +15,12 @@ from ...constants import ATMOSPHERIC_PRESSURE
 from ...effects import Effect, Parameter, Plant, Signals, all_effects
 from ...effects.plant import Surroundings
 from ...equations.noise import channel_noise
+from ...remembered import Remembered
 from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
 from ...simulators.port_log import PortLog
 from ..settings import LEAST_GAIN
 from .protocol import STATE, Spec
-from .remembered import Remembered
 from .straight import Straight
 from .window_length import LEAST_WINDOWS
 
@@ -32,7 +33,7 @@ INPUTS = {channel: ROLES[channel] for channel in ("P", "q")}
 """For each sensor channel of an input its role."""
 WINDOW = 0.02
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
-MOST_KEPT = 2000
+MOST_KEPT, MOST_BYTES = 2000, 64 * 2**20  # the bytes are a few dozen memories of a log of ordinary length
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
 UNTURNED = -12.0
 """Logarithm of the odds of an effect that follows a path alone which was never seen to turn back."""
@@ -114,8 +115,8 @@ class SignalEvidence(Straight):
         self.measured = self._mean(y)
         self.value = self._mean(y - self.predicted)
         self.weights, self.stretch = np.ones(1), 0.3
-        self._means: dict[str, np.ndarray] = {}
-        self._remembered = Remembered()
+        self._means: Remembered[np.ndarray] = Remembered(MOST_KEPT)
+        self._remembered: Remembered[np.ndarray] = Remembered(MOST_BYTES, attrgetter("nbytes"))
         self.assume(0.0)
         self.J = np.zeros((len(self.first), 0))
         self.free: list[str] = []
@@ -289,11 +290,7 @@ class SignalEvidence(Straight):
     def means(self, spec: Spec) -> np.ndarray:
         """Return what effects add to the modelled target, as means over the windows."""
         key = repr({name: dict(values) for name, values in spec.items()})
-        if key not in self._means:
-            if len(self._means) > MOST_KEPT:
-                self._means.clear()
-            self._means[key] = self._mean(self.added(spec))
-        return self._means[key]
+        return self._means.get(key, lambda: self._mean(self.added(spec)))
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equation if any of the effects can be evaluated with the signals at hand and changes it."""

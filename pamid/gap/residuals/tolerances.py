@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
@@ -49,7 +50,7 @@ class Tolerances(ABC):
     parts: list[slice]
     weights: np.ndarray
     _own: Active
-    _laid: dict[str, np.ndarray]
+    _laid: Remembered[np.ndarray]
     _whitening: Whitening
     curved = False
 
@@ -103,11 +104,7 @@ class Tolerances(ABC):
         if not self.curved or not (spec or np.any(x)):
             return self.J
         key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
-        if key not in self._laid:
-            while len(self._laid) >= MOST_LAID:
-                self._laid.pop(next(iter(self._laid)))
-            self._laid[key] = self._slopes_at(self.active(spec), x)
-        return self._laid[key]
+        return self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
 
     def _slopes_at(self, active: Active, x: np.ndarray, step: float = SMALL) -> np.ndarray:
         """Return the slopes under effects and deviations, by small steps."""

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...effects import Parameter
+from ...remembered import Remembered
 from ..residuals.protocol import STATE, ResidualSource, Spec
 from .variants import Variants
 
@@ -94,7 +95,7 @@ class StackedEvidence:
         self.least_gain = max(s.least_gain for s in sources)
         self.decisive = max(s.decisive for s in sources)
         self._state: dict[str, np.ndarray] | None = None
-        self._kept: dict[tuple[int, str], np.ndarray] = {}
+        self._kept: Remembered[np.ndarray] = Remembered(KEPT)
 
     def _place(self) -> None:
         """Index each log's windows: equation after equation, log after log."""
@@ -191,11 +192,8 @@ class StackedEvidence:
         if not (here or np.any(mine)) or (not equations and equations is not None and not source.touched(here)):
             return source.z0
         key = (k, f"{here!r} {mine.tobytes()!r} {equations!r}")
-        if key not in self._kept:
-            if len(self._kept) >= KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            self._kept[key] = source.z(here, dict(zip(source.free, map(float, mine), strict=True)), equations)
-        return self._kept[key]
+        deviations = dict(zip(source.free, map(float, mine), strict=True))
+        return self._kept.get(key, lambda: source.z(here, deviations, equations))
 
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return z0 such that z0 + ``J x`` equals the exact residuals at deviations x, in tolerances."""

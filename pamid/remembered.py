@@ -1,0 +1,53 @@
+"""A cache of what is needed again and again while one of many parameters moves, limited in number or in size."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
+from typing import Generic, TypeVar
+
+V = TypeVar("V")
+
+
+class Remembered(Generic[V]):
+    """The values used last.
+
+    Parameters
+    ----------
+    most : int
+        Their number, or their total size.
+    size : callable, optional
+        Size of a value; without it each counts as one.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from pamid.remembered import Remembered
+    >>> kept = Remembered(2)
+    >>> kept.get("ones", lambda: np.ones(2)) is kept.get("ones", lambda: np.zeros(2))
+    True
+    """
+
+    def __init__(self, most: int, size: Callable[[V], int] | None = None) -> None:
+        self.most, self.size, self._whole = most, size, 0
+        self._kept: OrderedDict[Hashable, V] = OrderedDict()
+
+    def clear(self) -> None:
+        """Forget everything."""
+        self._kept.clear()
+        self._whole = 0
+
+    def get(self, key: Hashable, make: Callable[[], V]) -> V:
+        """Return the value of a key, made if missing; it is shared, so never changed."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        found = make()
+        self._kept[key] = found
+        self._whole += self._size_of(found)
+        while self._whole > self.most and len(self._kept) > 1:
+            self._whole -= self._size_of(self._kept.popitem(last=False)[1])
+        return found
+
+    def _size_of(self, value: V) -> int:
+        return 1 if self.size is None else self.size(value)
