@@ -20,17 +20,6 @@ class ActuatorBacklash(Effect):
     ----------
     **values : float
         ``half_width`` w (unit of the command).
-
-    References
-    ----------
-    M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
-    https://doi.org/10.1016/S0005-1098(02)00047-X
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("actuator_backlash", half_width=0.05)
-    actuator_backlash(half_width=0.05)
     """
 
     name = "actuator_backlash"

@@ -24,17 +24,6 @@ class ActuatorHysteresis(Effect):
     **values : float
         ``narrow``, ``middle``, ``wide`` w (share of a change of the command that is held back until the stop slips),
         ``width`` r of the middle stop (unit of the command).
-
-    References
-    ----------
-    K. Kuhnen, "Modeling, identification and compensation of complex hysteretic nonlinearities: a modified
-    Prandtl-Ishlinskii approach", European Journal of Control 9(4), 2003. https://doi.org/10.3166/ejc.9.407-418
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("actuator_hysteresis", wide=0.3).values["width"]
-    0.2
     """
 
     name = "actuator_hysteresis"

@@ -15,16 +15,6 @@ class AngleDelay(Delay):
     ----------
     **values : float
         ``delay`` age of the reading (s).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("angle_delay", delay=0.005)
-    angle_delay(delay=0.005 s)
     """
 
     name = "angle_delay"

@@ -23,12 +23,6 @@ class BackEmf(Effect):
     References
     ----------
     R. Isermann, "Mechatronic Systems: Fundamentals", Springer, 2005. https://doi.org/10.1007/1-84628-259-4
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("back_emf", constant=0.042).values
-    {'constant': 0.042}
     """
 
     name = "back_emf"

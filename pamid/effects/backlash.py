@@ -22,17 +22,6 @@ class Backlash(Effect):
     ----------
     **values : float
         ``half_width`` w (unit of the position).
-
-    References
-    ----------
-    M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
-    https://doi.org/10.1016/S0005-1098(02)00047-X
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("backlash", half_width=0.002)
-    backlash(half_width=0.002)
     """
 
     name = "backlash"

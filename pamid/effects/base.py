@@ -39,6 +39,7 @@ from ..errors import ParameterError, UnknownParameterError
 from ..signals.paths import Path
 from ..signals.roles import STATE_ROLES
 from ..signals.state import Array, State
+from ._sources import explain
 from .plant import Plant
 from .values import Parameter, checked_value
 
@@ -208,6 +209,8 @@ class Effect(ABC):
                 "Choose another name.",
             )
         Effect.registry[cls.name] = cls
+        if cls.__doc__ and cls.__module__.startswith("pamid.effects."):
+            explain(cls)
 
     def __init__(self, **values: float) -> None:
         known = {p.name: p for p in self.parameters}

@@ -17,17 +17,6 @@ class BladderElasticity(Effect):
     ----------
     **values : float
         ``stiffness`` k₁ (N), ``cubic`` k₃ (N).
-
-    References
-    ----------
-    G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle actuators",
-    Journal of Dynamic Systems, Measurement, and Control 122(2), 2000. https://doi.org/10.1115/1.482478
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("bladder_elasticity", stiffness=150)
-    bladder_elasticity(stiffness=150 N, cubic=0 N)
     """
 
     name = "bladder_elasticity"

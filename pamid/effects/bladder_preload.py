@@ -19,17 +19,6 @@ class BladderPreload(Effect):
     ----------
     **values : float
         ``rest`` F₀, ``growth`` k and ``curvature`` c (N).
-
-    References
-    ----------
-    G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle actuators",
-    Journal of Dynamic Systems, Measurement, and Control 122(2), 2000. https://doi.org/10.1115/1.482478
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("bladder_preload", rest=35, growth=2000)
-    bladder_preload(rest=35 N, growth=2000 N, curvature=0 N)
     """
 
     name = "bladder_preload"

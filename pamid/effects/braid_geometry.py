@@ -21,17 +21,6 @@ class BraidGeometry(Effect):
     ----------
     **values : float
         ``pulling`` a, change of the area that pulls, and ``pushing`` b, change of the area that pushes (N/Pa = m²).
-
-    References
-    ----------
-    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions on
-    Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("braid_geometry", pulling=-1e-4)
-    braid_geometry(pulling=-0.0001 N/Pa, pushing=0 N/Pa)
     """
 
     name = "braid_geometry"

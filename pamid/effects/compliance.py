@@ -20,17 +20,6 @@ class Compliance(Effect):
     ----------
     **values : float
         ``frequency`` ω (rad/s), ``damping`` ζ (dimensionless).
-
-    References
-    ----------
-    M. W. Spong, "Modeling and control of elastic joint robots", Journal of Dynamic Systems, Measurement, and Control
-    109(4), 1987. https://doi.org/10.1115/1.3143860
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("compliance", frequency=80)
-    compliance(frequency=80 rad/s, damping=0.2)
     """
 
     name = "compliance"

@@ -37,12 +37,6 @@ class ConstantArea(Effect):
     A pressure that is the sum of one for the contraction and one in proportion to the force, of muscles of 10 mm and
     several lengths: A. J. Hunt, A. Graber-Tilton, R. D. Quinn, "Modeling length effects of braided pneumatic
     actuators", ASME IDETC/CIE 2017, V05AT08A008. https://doi.org/10.1115/DETC2017-67458
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("constant_area", area=7.5e-4)
-    constant_area(area=0.00075 N/Pa, growth=1.2e+06 Pa, displacement=0.002 m, onset=30000 Pa)
     """
 
     name = "constant_area"

@@ -31,12 +31,6 @@ class CoulombFriction(Effect):
     ----------
     P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
     https://doi.org/10.2514/3.61511
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("coulomb_friction", amplitude=4)
-    coulomb_friction(amplitude=4 N, per_pressure=0 N/Pa, presliding=0.0002, exponent=1)
     """
 
     name = "coulomb_friction"

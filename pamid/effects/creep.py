@@ -31,12 +31,6 @@ class Creep(Effect):
     T. V. Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "Cascade position control of a single pneumatic artificial
     muscle-mass system with hysteresis compensation", Mechatronics 20(3), 2010.
     https://doi.org/10.1016/j.mechatronics.2010.01.001
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("creep", stiffness=120)
-    creep(stiffness=120 N, time_constant=1 s, slow_stiffness=60 N, slow_time_constant=5 s, settled=1, unknown=0)
     """
 
     name = "creep"

@@ -17,17 +17,6 @@ class DeadVolume(Effect):
     ----------
     **values : float
         ``volume`` V_d (m³).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("dead_volume", volume=1e-05)
-    dead_volume(volume=1e-05 m^3)
     """
 
     name = "dead_volume"

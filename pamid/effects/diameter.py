@@ -15,17 +15,6 @@ class Diameter(Effect):
     ----------
     **values : float
         ``deviation`` δ (dimensionless).
-
-    References
-    ----------
-    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
-    on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("diameter", deviation=0.1)
-    diameter(deviation=0.1)
     """
 
     name = "diameter"

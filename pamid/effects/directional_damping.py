@@ -19,17 +19,6 @@ class DirectionalDamping(Effect):
     ----------
     **values : float
         ``forward`` c₊ and ``backward`` c₋ (N s).
-
-    References
-    ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods
-    for the control of machines with friction", Automatica 30(7), 1994. https://doi.org/10.1016/0005-1098(94)90209-7
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("directional_damping", forward=240, backward=167).values["backward"]  # N s
-    167.0
     """
 
     name = "directional_damping"

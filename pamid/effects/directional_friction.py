@@ -24,17 +24,6 @@ class DirectionalFriction(Effect):
     **values : float
         ``forward`` F₊ and ``backward`` F₋ (N), ``forward_per_pressure`` μ₊ and ``backward_per_pressure`` μ₋ (N/Pa),
         ``presliding`` δ (unit of the position).
-
-    References
-    ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods
-    for the control of machines with friction", Automatica 30(7), 1994. https://doi.org/10.1016/0005-1098(94)90209-7
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("directional_friction", forward=9, backward=4).values["backward"]  # N
-    4.0
     """
 
     name = "directional_friction"

@@ -26,12 +26,6 @@ class EffectiveContraction(EndCap):
     ----------
     B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
     Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("effective_contraction", factor=0.83)
-    effective_contraction(factor=0.83)
     """
 
     name = "effective_contraction"

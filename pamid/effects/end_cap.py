@@ -24,17 +24,6 @@ class EndCap(Effect):
     ----------
     **values : float
         ``factor`` k and ``swept`` s (dimensionless).
-
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("end_cap", factor=1.1)
-    end_cap(factor=1.1, swept=1)
     """
 
     name = "end_cap"

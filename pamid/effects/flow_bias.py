@@ -15,16 +15,6 @@ class FlowBias(Bias):
     ----------
     **values : float
         ``offset`` offset of the reading (kg/s).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("flow_bias", offset=1e-05)
-    flow_bias(offset=1e-05 kg/s)
     """
 
     name = "flow_bias"

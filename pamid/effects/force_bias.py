@@ -15,16 +15,6 @@ class ForceBias(Bias):
     ----------
     **values : float
         ``offset`` offset of the reading (N).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("force_bias", offset=3)
-    force_bias(offset=3 N)
     """
 
     name = "force_bias"

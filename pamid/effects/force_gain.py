@@ -15,16 +15,6 @@ class ForceGain(Gain):
     ----------
     **values : float
         ``deviation`` relative deviation of the reading (dimensionless).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("force_gain", deviation=0.02)
-    force_gain(deviation=0.02)
     """
 
     name = "force_gain"

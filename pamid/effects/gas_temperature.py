@@ -20,17 +20,6 @@ class GasTemperature(Effect):
     ----------
     **values : float
         ``difference`` ΔT (K), ``supplied`` σ (dimensionless).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("gas_temperature", difference=10)
-    gas_temperature(difference=10 K, supplied=0)
     """
 
     name = "gas_temperature"

@@ -19,17 +19,6 @@ class Gravity(Effect):
     ----------
     **values : float
         ``moment`` m g l (N m), ``angle`` φ of the lever from hanging at q = 0 (rad).
-
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("gravity", moment=1)
-    gravity(moment=1 N m, angle=0 rad)
     """
 
     name = "gravity"

@@ -31,12 +31,6 @@ class HeatLoss(Effect):
     S. W. Churchill, H. H. S. Chu, "Correlating equations for laminar and turbulent free convection from a vertical
     plate", International Journal of Heat and Mass Transfer 18(11), 1975.
     https://doi.org/10.1016/0017-9310(75)90243-4
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("heat_loss").values["exponent"]
-    4.0
     """
 
     name = "heat_loss"

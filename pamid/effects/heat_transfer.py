@@ -35,17 +35,6 @@ class HeatTransfer(Effect):
         ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
         ``carried`` κ; ``unknown``, how much of the range of pressure may have been passed shortly before each run
         (dimensionless; only for logs, a simulation knows it).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("heat_transfer", time_constant=0.2)
-    heat_transfer(time_constant=0.2 s, slowing=0, carried=1, unknown=0)
     """
 
     name = "heat_transfer"

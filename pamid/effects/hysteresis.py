@@ -38,12 +38,6 @@ class Hysteresis(Effect):
     in Engineering 16, 2009. https://doi.org/10.1007/s11831-009-9031-8; F. Al-Bender, V. Lampaert, J. Swevers, "The
     generalized Maxwell-slip model: a novel model for friction simulation and compensation", IEEE Transactions on
     Automatic Control 50(11), 2005, for Maxwell-slip elements. https://doi.org/10.1109/TAC.2005.858676
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("hysteresis", amplitude=8)
-    hysteresis(amplitude=8 N, slip=0 N, displacement=0.01, shape=0.5, spread=0)
     """
 
     name = "hysteresis"

@@ -15,17 +15,6 @@ class Inertia(Effect):
     ----------
     **values : float
         ``deviation`` δ (dimensionless).
-
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("inertia", deviation=0.1)
-    inertia(deviation=0.1)
     """
 
     name = "inertia"

@@ -15,17 +15,6 @@ class JointDamping(Effect):
     ----------
     **values : float
         ``difference`` Δb (N m s/rad).
-
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("joint_damping", difference=0.1)
-    joint_damping(difference=0.1 N m s/rad)
     """
 
     name = "joint_damping"

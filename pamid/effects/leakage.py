@@ -18,17 +18,6 @@ class Leakage(Effect):
     ----------
     **values : float
         ``conductance`` C_ℓ (m³/(s Pa)).
-
-    References
-    ----------
-    ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
-    compressible fluids".
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("leakage", conductance=1e-10)
-    leakage(conductance=1e-10 m^3/(s Pa))
     """
 
     name = "leakage"

@@ -22,17 +22,6 @@ class LoadDependentFriction(Effect):
     ----------
     **values : float
         ``coefficient`` μ (N/Pa), ``presliding`` δ (unit of the position).
-
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("load_dependent_friction", coefficient=2e-05)
-    load_dependent_friction(coefficient=2e-05 N/Pa, presliding=0.0002)
     """
 
     name = "load_dependent_friction"

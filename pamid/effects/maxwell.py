@@ -23,17 +23,6 @@ class Maxwell(Effect):
     ----------
     **values : float
         ``fast``, ``middle``, ``slow`` k (N per unit of the position), ``time_constant`` τ of the middle branch (s).
-
-    References
-    ----------
-    N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer, 1989.
-    https://doi.org/10.1007/978-3-642-73602-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("maxwell", middle=40).values["time_constant"]  # s
-    0.5
     """
 
     name = "maxwell"

@@ -22,12 +22,6 @@ class NonlinearStiffness(Effect):
     ----------
     T. Wigren, J. Schoukens, "Three free data sets for development and benchmarking in nonlinear system
     identification", European Control Conference, 2013. https://doi.org/10.23919/ECC.2013.6669201
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("nonlinear_stiffness", cubic=2e3)
-    nonlinear_stiffness(square=0 N, cubic=2000 N)
     """
 
     name = "nonlinear_stiffness"

@@ -25,11 +25,6 @@ class OutputBacklash(Effect):
     **values : float
         ``half_width`` w (unit of the reading).
 
-    References
-    ----------
-    M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
-    https://doi.org/10.1016/S0005-1098(02)00047-X
-
     Examples
     --------
     >>> import numpy as np

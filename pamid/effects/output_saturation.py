@@ -18,16 +18,6 @@ class OutputSaturation(Effect):
     ----------
     **values : float
         ``limit`` y_s (N).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("output_saturation", limit=10).measure(12.0, None)
-    np.float64(10.0)
     """
 
     name = "output_saturation"

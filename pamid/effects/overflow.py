@@ -24,12 +24,6 @@ class Overflow(Effect):
     ----------
     M. Schoukens, J. P. Noël, "Three benchmarks addressing open challenges in nonlinear system identification",
     IFAC-PapersOnLine 50(1), 2017. https://doi.org/10.1016/j.ifacol.2017.08.071
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("overflow", level=3e5).values["coefficient"]  # kg/(s Pa)
-    1e-08
     """
 
     name = "overflow"

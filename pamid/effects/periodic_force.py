@@ -25,12 +25,6 @@ class PeriodicForce(Effect):
     S. M. Hwang, J. B. Eom, G. B. Hwang, W. B. Jeong, Y. H. Jung, "Cogging torque and acoustic noise reduction in
     permanent magnet motors by teeth pairing", IEEE Transactions on Magnetics 36(5), 2000.
     https://doi.org/10.1109/20.908714
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("periodic_force", sine=0.25, rate=7)
-    periodic_force(sine=0.25 N m, cosine=0 N m, rate=7 1/rad)
     """
 
     name = "periodic_force"

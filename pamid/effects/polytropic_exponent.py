@@ -22,17 +22,6 @@ class PolytropicExponent(Effect):
     ----------
     **values : float
         ``exponent`` n, ``skew`` σ (both dimensionless).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("polytropic_exponent", exponent=1.2)
-    polytropic_exponent(exponent=1.2, skew=0)
     """
 
     name = "polytropic_exponent"

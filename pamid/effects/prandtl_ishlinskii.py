@@ -23,17 +23,6 @@ class PrandtlIshlinskii(Effect):
     **values : float
         ``narrow``, ``middle``, ``wide`` w (N), ``narrow_slope``, ``middle_slope``, ``wide_slope`` v (N per unit of
         the position), ``width`` r of the middle stop (unit of the position).
-
-    References
-    ----------
-    K. Kuhnen, "Modeling, identification and compensation of complex hysteretic nonlinearities: a modified
-    Prandtl-Ishlinskii approach", European Journal of Control 9(4), 2003. https://doi.org/10.3166/ejc.9.407-418
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("prandtl_ishlinskii", wide=2).values["width"]
-    0.03
     """
 
     name = "prandtl_ishlinskii"

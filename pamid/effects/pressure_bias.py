@@ -15,16 +15,6 @@ class PressureBias(Bias):
     ----------
     **values : float
         ``offset`` offset of the reading (Pa).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("pressure_bias", offset=2000)
-    pressure_bias(offset=2000 Pa)
     """
 
     name = "pressure_bias"

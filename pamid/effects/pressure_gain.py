@@ -17,16 +17,6 @@ class PressureGain(Gain):
     **values : float
         ``deviation`` δ, relative deviation (dimensionless), ``zero`` P₀, where the sensor reads correctly (Pa,
         absolute).
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("pressure_gain", deviation=0.02)
-    pressure_gain(deviation=0.02, zero=101325 Pa)
     """
 
     name = "pressure_gain"

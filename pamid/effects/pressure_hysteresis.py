@@ -28,12 +28,6 @@ class PressureHysteresis(Effect):
     T. Vo-Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "A new approach to modeling hysteresis in a pneumatic
     artificial muscle using the Maxwell-slip model", IEEE/ASME Transactions on Mechatronics 16(1), 2011.
     https://doi.org/10.1109/TMECH.2009.2038373
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("pressure_hysteresis", middle=5).values["width"]  # Pa
-    100000.0
     """
 
     name = "pressure_hysteresis"

@@ -18,16 +18,6 @@ class PressureLag(Lag):
     **values : float
         ``time_constant`` τ, time constant of sensor and tube (s); ``second`` s, its second lag as a share of the first
         (dimensionless): 0 for a lag of first order.
-
-    References
-    ----------
-    R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("pressure_lag", time_constant=0.01)
-    pressure_lag(time_constant=0.01 s, second=0)
     """
 
     name = "pressure_lag"

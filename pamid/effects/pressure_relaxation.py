@@ -22,17 +22,6 @@ class PressureRelaxation(Effect):
     **values : float
         ``fast``, ``slow`` a and their growth with contraction ``fast_growth``, ``slow_growth`` b (N/Pa),
         ``time_constant`` τ₁ (s).
-
-    References
-    ----------
-    N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer, 1989.
-    https://doi.org/10.1007/978-3-642-73602-5
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("pressure_relaxation", fast=1e-5).values["time_constant"]  # s
-    0.5
     """
 
     name = "pressure_relaxation"

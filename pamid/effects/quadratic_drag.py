@@ -24,12 +24,6 @@ class QuadraticDrag(Effect):
     ----------
     G. K. Batchelor, "An Introduction to Fluid Dynamics", Cambridge University Press, 2000.
     https://doi.org/10.1017/CBO9780511800955
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("quadratic_drag", coefficient=100)
-    quadratic_drag(coefficient=100 N s^2)
     """
 
     name = "quadratic_drag"

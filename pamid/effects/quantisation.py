@@ -23,12 +23,6 @@ class Quantisation(Effect):
     ----------
     B. Widrow, I. Kollár, "Quantization Noise", Cambridge University Press, 2008.
     https://doi.org/10.1017/CBO9780511754661
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("quantisation", resolution=0.5).measure(3.3, None)
-    np.float64(3.5)
     """
 
     name = "quantisation"

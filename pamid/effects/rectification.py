@@ -27,12 +27,6 @@ class Rectification(Effect):
     Uppsala University, 2017: the speed of a belt, counted in pulses. J. Schoukens, L. Ljung, "Nonlinear System
     Identification: A User-Oriented Road Map", IEEE Control Systems Magazine 39(6), 2019.
     https://doi.org/10.1109/MCS.2019.2938121
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("rectification").measure(-3.0, None)
-    np.float64(3.0)
     """
 
     name = "rectification"

@@ -25,17 +25,6 @@ class Resonance(Effect):
     ----------
     **values : float
         ``mass`` m (N s²), ``frequency`` ω with the carrier held (rad/s), ``damping`` ζ (dimensionless).
-
-    References
-    ----------
-    M. W. Spong, "Modeling and control of elastic joint robots", Journal of Dynamic Systems, Measurement, and Control
-    109(4), 1987. https://doi.org/10.1115/1.3143860
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("resonance", frequency=40)
-    resonance(mass=0.1 N s^2, frequency=40 rad/s, damping=0.1)
     """
 
     name = "resonance"

@@ -19,11 +19,6 @@ class Slack(Effect):
     **values : float
         ``rounding`` w (N): force over which the muscle tightens; ``rest`` F₀ (N): tension of the loose muscle.
 
-    References
-    ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
-
     Examples
     --------
     >>> from pamid.effects import make_effect

@@ -27,12 +27,6 @@ class SlewRate(Effect):
     ----------
     G. Stein, "Respect the unstable", IEEE Control Systems Magazine 23(4), 2003.
     https://doi.org/10.1109/MCS.2003.1213600
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("slew_rate", rate=8)
-    slew_rate(rate=8 1/s)
     """
 
     name = "slew_rate"

@@ -23,17 +23,6 @@ class StribeckFriction(Effect):
     **values : float
         ``coulomb`` F_c (N), ``breakaway`` F_s, the excess at rest (N), ``velocity`` v_s (unit of the position per s),
         ``presliding`` (unit of the position).
-
-    References
-    ----------
-    B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods
-    for the control of machines with friction", Automatica 30(7), 1994. https://doi.org/10.1016/0005-1098(94)90209-7
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("stribeck_friction", coulomb=3)
-    stribeck_friction(coulomb=3 N, breakaway=3 N, velocity=0.02 1/s, presliding=0.0002)
     """
 
     name = "stribeck_friction"

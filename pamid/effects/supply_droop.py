@@ -36,12 +36,6 @@ class SupplyDroop(Effect):
     ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
     compressible fluids"; ISO 6953-1:2015, "Pneumatic fluid power - Compressed air pressure regulators and
     filter-regulators", for the fall of a regulator's pressure with its flow.
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("supply_droop", resistance=2e+07)
-    supply_droop(resistance=2e+07 Pa s/kg, regulation=0 Pa s/kg, time_constant=0.05 s)
     """
 
     name = "supply_droop"

@@ -20,17 +20,6 @@ class ThreadExtensibility(Effect):
     ----------
     **values : float
         ``compliance`` κ (1/Pa).
-
-    References
-    ----------
-    C. P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
-    on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("thread_extensibility", compliance=4e-08)
-    thread_extensibility(compliance=4e-08 1/Pa)
     """
 
     name = "thread_extensibility"

@@ -31,17 +31,6 @@ class ThresholdPressure(Effect):
     ----------
     **values : float
         ``pressure`` p₀ at rest length, ``growth`` K for a diameter twice that at rest, ``onset`` w (Pa).
-
-    References
-    ----------
-    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions on
-    Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("threshold_pressure", pressure=5e4)
-    threshold_pressure(pressure=50000 Pa, growth=1e+06 Pa, onset=0 Pa)
     """
 
     name = "threshold_pressure"

@@ -27,12 +27,6 @@ class TorqueLoss(Effect):
     ----------
     G. Passault, M. Duclusaud, "Extended friction models for the physics simulation of servo actuators",
     arXiv:2410.08650, 2024. https://doi.org/10.48550/arXiv.2410.08650
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("torque_loss", driving=0.3).values["driven"]
-    0.05
     """
 
     name = "torque_loss"

@@ -25,17 +25,6 @@ class TransportDelay(Effect):
     ----------
     **values : float
         ``delay`` d (s).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("transport_delay", delay=0.008)
-    transport_delay(delay=0.008 s)
     """
 
     name = "transport_delay"

@@ -22,17 +22,6 @@ class Tube(Effect):
     ----------
     **values : float
         ``time_constant`` τ (s), resistance (Pa s/kg) times capacity (kg/Pa).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("tube", time_constant=0.018)
-    tube(time_constant=0.018 s)
     """
 
     name = "tube"

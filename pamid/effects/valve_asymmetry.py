@@ -21,17 +21,6 @@ class ValveAsymmetry(Effect):
     ----------
     **values : float
         ``asymmetry`` α, ``split`` σ (both dimensionless).
-
-    References
-    ----------
-    ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
-    compressible fluids".
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("valve_asymmetry", asymmetry=0.2)
-    valve_asymmetry(asymmetry=0.2, split=0)
     """
 
     name = "valve_asymmetry"

@@ -15,17 +15,6 @@ class ValveConductance(Effect):
     ----------
     **values : float
         ``deviation`` δ (dimensionless).
-
-    References
-    ----------
-    ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
-    compressible fluids".
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("valve_conductance", deviation=0.15)
-    valve_conductance(deviation=0.15)
     """
 
     name = "valve_conductance"

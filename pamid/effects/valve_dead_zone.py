@@ -23,17 +23,6 @@ class ValveDeadZone(Effect):
     ----------
     **values : float
         ``width`` d, ``stretch`` κ, ``skew`` σ, ``rounding`` ρ (all dimensionless).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("valve_dead_zone", width=0.04)
-    valve_dead_zone(width=0.04, stretch=0, skew=0, rounding=0)
     """
 
     name = "valve_dead_zone"

@@ -27,17 +27,6 @@ class ValveLag(Effect):
     ----------
     **values : float
         ``time_constant`` τ (s), ``second`` s (dimensionless).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("valve_lag", time_constant=0.01)
-    valve_lag(time_constant=0.01 s, second=0)
     """
 
     name = "valve_lag"

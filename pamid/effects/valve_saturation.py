@@ -19,17 +19,6 @@ class ValveSaturation(Effect):
     ----------
     **values : float
         ``limit`` u_s (dimensionless).
-
-    References
-    ----------
-    E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical
-    model", Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("valve_saturation", limit=0.5)
-    valve_saturation(limit=0.5)
     """
 
     name = "valve_saturation"

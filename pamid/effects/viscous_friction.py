@@ -22,12 +22,6 @@ class ViscousFriction(Effect):
     ----------
     D. B. Reynolds et al., "Modeling the dynamic characteristics of pneumatic muscle", Annals of Biomedical
     Engineering 31, 2003. https://doi.org/10.1114/1.1554921
-
-    Examples
-    --------
-    >>> from pamid.effects import make_effect
-    >>> make_effect("viscous_friction", coefficient=60)
-    viscous_friction(coefficient=60 N s)
     """
 
     name = "viscous_friction"

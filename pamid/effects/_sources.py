@@ -1,0 +1,55 @@
+"""What the docstrings of effects share: sources that several of them cite, and an example that makes one."""
+
+from __future__ import annotations
+
+import inspect
+from typing import Any
+
+SHARED = """
+B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for
+the control of machines with friction", Automatica 30(7), 1994. https://doi.org/10.1016/0005-1098(94)90209-7
+
+B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
+Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+
+C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions on
+Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+
+E. Richer, Y. Hurmuzlu, "A high performance pneumatic force actuator system: Part I, nonlinear mathematical model",
+Journal of Dynamic Systems, Measurement, and Control 122(3), 2000. https://doi.org/10.1115/1.1286336
+
+G. K. Klute, B. Hannaford, "Accounting for elastic energy storage in McKibben artificial muscle actuators", Journal of
+Dynamic Systems, Measurement, and Control 122(2), 2000. https://doi.org/10.1115/1.482478
+
+ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using compressible
+fluids".
+
+K. Kuhnen, "Modeling, identification and compensation of complex hysteretic nonlinearities: a modified
+Prandtl-Ishlinskii approach", European Journal of Control 9(4), 2003. https://doi.org/10.3166/ejc.9.407-418
+
+M. Nordin, P.-O. Gutman, "Controlling mechanical systems with backlash: a survey", Automatica 38(10), 2002.
+https://doi.org/10.1016/S0005-1098(02)00047-X
+
+M. W. Spong, "Modeling and control of elastic joint robots", Journal of Dynamic Systems, Measurement, and Control
+109(4), 1987. https://doi.org/10.1115/1.3143860
+
+N. W. Tschoegl, "The Phenomenological Theory of Linear Viscoelastic Behavior", Springer, 1989.
+https://doi.org/10.1007/978-3-642-73602-5
+
+R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
+"""
+"""Sources, one a paragraph."""
+
+
+def explain(effect: type[Any]) -> None:
+    """Complete the docstring of an effect of the library: the source that it names, and an example."""
+    doc = inspect.cleandoc(effect.__doc__ or "")
+    cited = [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]
+    if cited and "\nReferences\n" not in doc:
+        head, title, rest = doc.partition("\n\nExamples\n")
+        doc = f"{head}\n\nReferences\n----------\n{cited[0]}{title}{rest}"
+    if "\nExamples\n" not in doc:
+        p = effect.parameters[0]
+        doc += "\n\nExamples\n--------\n>>> from pamid.effects import make_effect\n"
+        doc += f'>>> make_effect("{effect.name}", {p.name}={p.nominal:g})\n{effect()!r}'
+    effect.__doc__ = doc
