@@ -21,15 +21,6 @@ class Antagonist:
 
     .. math:: L_{1,2} = L_0 (1 - \varepsilon_0) \mp r q, \qquad J\ddot q = r\,(F_1 - F_2) - b_q\,\dot q
 
-    Parameters
-    ----------
-    params : BenchParameters
-        The bench; effects that adjust a parameter are already carried out.
-    n_runs : int
-        Number of runs.
-    effects : sequence of Effect
-        The other effects.
-
     Examples
     --------
     >>> from pamid.bench import BenchParameters

@@ -71,17 +71,7 @@ def joint_at_rest(params: BenchParameters, pressure: float) -> tuple[float, floa
 
 
 class RunningController:
-    """A `Controller` set up for a batch of runs.
-
-    Parameters
-    ----------
-    controller : Controller
-        Its settings.
-    params : BenchParameters
-        The nominal bench, from which the gains follow.
-    runs : sequence of Trajectory
-        What the runs are told, all of one length.
-    """
+    """A `Controller` set up for a batch of runs."""
 
     def __init__(self, controller: Controller, params: BenchParameters, runs: Sequence[Trajectory]) -> None:
         plant = params.plant()

@@ -28,15 +28,6 @@ class Muscles:
 
     with the flow through an ISO 6358 valve whose command is held.
 
-    Parameters
-    ----------
-    params : BenchParameters
-        The bench; its effects are ignored.
-    shape : tuple of int
-        Shape of the arrays, such as (2, n_runs).
-    effects : sequence of Effect, default=()
-        Effects on the muscles.
-
     Attributes
     ----------
     F : array

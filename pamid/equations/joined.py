@@ -19,17 +19,7 @@ ROWS = 16_384
 
 
 class JoinedRun(Run):
-    """Several stretches of a log compared with a simulator, concatenated.
-
-    Parameters
-    ----------
-    parts : sequence of Run
-        The stretches, under a settled model.
-    model : Model
-        The simulator, settled and without noise.
-    stretch : Stretch, optional
-        Their signals, if they were joined before.
-    """
+    """Several stretches of a log compared with a simulator, concatenated."""
 
     def __init__(self, parts: Sequence[Run], model: Model, stretch: Stretch | None = None) -> None:
         self.parts = list(parts)

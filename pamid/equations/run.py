@@ -61,15 +61,7 @@ class Model:
 
 
 class Run:
-    """Signals of one stretch of a log compared with a simulator.
-
-    Parameters
-    ----------
-    stretch : Stretch
-        The signals as read.
-    model : Model
-        The simulator.
-    """
+    """Signals of one stretch of a log compared with a simulator."""
 
     def __init__(self, stretch: Stretch, model: Model) -> None:
         self.stretch, self.model = stretch, model

@@ -15,11 +15,6 @@ class StillSensors:
 
     A channel that did rest on the healthy stretch, such as one in coarse steps, is never called stuck.
 
-    Parameters
-    ----------
-    block : int
-        Samples that are looked at together.
-
     Attributes
     ----------
     stuck : dict of str to float

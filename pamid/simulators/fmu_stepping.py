@@ -26,13 +26,6 @@ class FailedStepError(RuntimeError):
 class Stepper:
     """A co-simulation FMU of FMI 2 or 3, kept loaded.
 
-    Parameters
-    ----------
-    folder : str
-        Where the FMU was unpacked.
-    inputs, outputs : sequence of str
-        Names of its variables, all real numbers.
-
     Raises
     ------
     LookupError

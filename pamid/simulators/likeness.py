@@ -168,15 +168,7 @@ def role_score(place: Place, column: Column) -> float:
 
 
 class Names:
-    """Likeness of names; a word counts less the more ports or columns share it.
-
-    Parameters
-    ----------
-    places : sequence of Place
-        All ports that a log may have.
-    columns : sequence of Column
-        All columns that may be one.
-    """
+    """Likeness of names; a word counts less the more ports or columns share it."""
 
     def __init__(self, places: Sequence[Place], columns: Sequence[Column]) -> None:
         things = {p.words for p in places}

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pamid.gap.diagnosis.rivals import rivals_of
-from pamid.gap.diagnosis.signs import _within
+from pamid.gap.inference.student_t import bounded
 
 
 def _explanation(score: float, **effects: float) -> Any:
@@ -37,7 +37,7 @@ def test_a_cause_far_beyond_the_tolerances_is_not_explained_by_them() -> None:
     J = rng.standard_normal((500, 3))
     whole = J @ [14.0, -6.0, 0.5]
     at = np.array([0.0, 0.2, 0.0])
-    taken = _within(J, whole, -1.005 - at, 1.005 - at)
+    taken = bounded(J.T @ J, J.T @ whole, -1.005 - at, 1.005 - at)
     assert np.all(np.abs(at + taken) < 1.01) and taken[0] > 1.0
     assert np.linalg.norm(whole - J @ taken) > 0.8 * np.linalg.norm(whole)
-    assert np.allclose(_within(J, 0.01 * whole, -np.ones(3), np.ones(3)), [0.14, -0.06, 0.005])
+    assert np.allclose(bounded(J.T @ J, 0.01 * J.T @ whole, -np.ones(3), np.ones(3)), [0.14, -0.06, 0.005])

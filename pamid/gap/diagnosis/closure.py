@@ -20,13 +20,6 @@ class Clusters:
     """A fit with the runs as units: refits without each of them, and intervals of its parameters.
 
     The fit is taken to first order about its solution, so that leaving a run out costs one small linear solve.
-
-    Parameters
-    ----------
-    fitter : Fitter
-        Fits of the log.
-    fit : Fit
-        The solution.
     """
 
     def __init__(self, fitter: Fitter, fit: Fit) -> None:

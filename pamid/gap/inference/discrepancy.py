@@ -35,13 +35,7 @@ _CONFINED = {"friction", "hysteresis", "load"}
 
 
 class Discrepancy:
-    """The model discrepancy of the fits of one log.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    """
+    """The model discrepancy of the fits of one log."""
 
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence = evidence

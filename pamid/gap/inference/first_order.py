@@ -16,19 +16,7 @@ from .worth import Worth
 
 
 class FirstOrder(Worth):
-    """The library about hypotheses of one log.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    library : sequence of str
-        Effects that may be named.
-    progress : callable, optional
-        Called with a text at each step.
-    known : mapping of str to sequence of Template, optional
-        The templates of effects on this evidence, where they are known already.
-    """
+    """The library about hypotheses of one log."""
 
     def __init__(
         self,

@@ -42,15 +42,7 @@ class Remainder:
 
 
 class Flexible:
-    """Flexible functions on the windows of one log.
-
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-    seed : int, default=0
-        Seed of the frequencies.
-    """
+    """Flexible functions on the windows of one log."""
 
     def __init__(self, evidence: ResidualSource, seed: int = 0) -> None:
         self.evidence, self.seed = evidence, seed

@@ -72,13 +72,7 @@ Solved = TypeVar("Solved", Fit, RobustFit)
 
 
 class Fitter:
-    """Fits of one log.
-
-    Parameters
-    ----------
-    evidence : Evidence
-        The log.
-    """
+    """Fits of one log."""
 
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights

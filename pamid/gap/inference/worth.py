@@ -17,11 +17,6 @@ from .student_t import form_cost, scale, window_weights
 class Worth:
     """The worth of sets of effects on one log.
 
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log.
-
     Attributes
     ----------
     further : float

@@ -37,13 +37,6 @@ class Evidence(Straight):
 
     Residuals are whitened, so that their noise is independent from window to window; `raw` reverses this.
 
-    Parameters
-    ----------
-    log : DataFrame or BenchLog
-        Log of the bench.
-    params : BenchParameters
-        The simulator.
-
     Attributes
     ----------
     z0 : array, shape (n_windows,)

@@ -57,24 +57,7 @@ MOST_ASKED = 12
 
 
 class DirectEvidence(UndoneEvidence):
-    """Residuals of the equations of a simulator whose states the log holds.
-
-    Parameters
-    ----------
-    log : PortLog
-        The log.
-    simulator : Simulator
-        Of the form ``"ode"`` or ``"algebraic"``.
-    derived : mapping of str to str
-        Velocities by positions, see `measured_states`.
-    refit : bool, default=False
-        Whether to start from fitted parameters, see `PortEvidence`.
-
-    Raises
-    ------
-    ShortTrajectoryError
-        No run holds a window.
-    """
+    """Residuals of the equations of a simulator whose states the log holds."""
 
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
 

@@ -34,15 +34,6 @@ MOST_STATES = 12
 class PredictedEvidence(StretchEvidence):
     """Predictions over stretches, simulated where needed, else to first order about simulated ones.
 
-    Parameters
-    ----------
-    log : PortLog
-        The log.
-    simulator : Simulator
-        Of the form ``"ode"`` or ``"run"``.
-    whole, refit : bool, default=False
-        See `StretchEvidence`.
-
     Attributes
     ----------
     simulated : float

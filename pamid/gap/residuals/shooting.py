@@ -44,19 +44,7 @@ UNSURE = 4.0
 
 
 class ShootingEvidence(PredictedEvidence):
-    """Residuals of predictions over stretches of a log.
-
-    Parameters
-    ----------
-    log : PortLog
-        The log.
-    simulator : Simulator
-        Of the form ``"ode"`` or ``"run"``.
-    whole : bool, default=False
-        Whether whole runs are predicted, however far they diverge.
-    refit : bool, default=False
-        Whether to start from fitted parameters, see `PortEvidence`.
-    """
+    """Residuals of predictions over stretches of a log."""
 
     def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
         super().__init__(log, simulator, whole, refit)

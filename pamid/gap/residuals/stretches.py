@@ -46,16 +46,7 @@ class Segment(NamedTuple):
 class StretchEvidence(PortEvidence):
     """What predictions over stretches of a log need: their bounds and initial states.
 
-    Parameters
-    ----------
-    log : PortLog
-        The log.
-    simulator : Simulator
-        Of the form ``"ode"`` or ``"run"``.
-    whole : bool, default=False
-        Whether whole runs are predicted, however far they diverge.
-    refit : bool, default=False
-        Whether to start from fitted parameters, see `PortEvidence`.
+    With ``whole``, runs are predicted as wholes, however far they diverge.
     """
 
     shown: list[str]

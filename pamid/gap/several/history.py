@@ -105,17 +105,7 @@ class History:
     page: str = ""
 
     def add(self, found: Answered, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
-        """Add further logs and the diagnosis of all of them.
-
-        Parameters
-        ----------
-        found : Diagnosis
-            The diagnosis.
-        logs : mapping of str to DataFrame
-            The logs that came with it.
-        held : sequence of Conditions
-            Conditions of each.
-        """
+        """Add further logs and the diagnosis of all of them."""
         self.logs |= dict(logs)
         self.held |= dict(zip(logs, held, strict=True))
         self.rounds.append(_round(found, list(logs), seconds(self.logs.values())))

@@ -36,15 +36,7 @@ class Log(NamedTuple):
 
 
 class StackedEvidence:
-    """Several logs as one source of residuals; a `pamid.gap.residuals.protocol.ResidualSource`.
-
-    Parameters
-    ----------
-    logs : sequence of Log
-        The logs, in the order in which they were recorded.
-    variants : Variants, optional
-        The library, with effects that act in some of the logs; by default that of the first log.
-    """
+    """Several logs as one source of residuals; a `pamid.gap.residuals.protocol.ResidualSource`."""
 
     lasting: Collection[str] = ()
 
