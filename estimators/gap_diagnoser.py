@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -31,11 +32,13 @@ from ._base import SignalEstimator, Signals
 from ._gap_model import hybrid_with
 from ._gap_signals import EQUATIONS, located, read_by, run_names, spoken, values_of
 from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
+from ._parameters import parameters
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
 from ._trajectories import has_trajectory_column, trajectory_codes
 
 
+@parameters
 class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstimator):
     r"""Diagnose the gap between a model of one equation and measured data, and predict with the gap closed.
 
@@ -155,34 +158,19 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     __metadata_request__predict: ClassVar = {"groups": True}
     __metadata_request__score: ClassVar = {"groups": True}
 
-    def __init__(
-        self,
-        nominal: Any = None,
-        effects: str | Sequence[str] = "all",
-        *,
-        signals: Signals | None = None,
-        equation: str = "force",
-        position_scale: float | None = None,
-        sampling_interval: float = 1e-3,
-        plant: Any = None,
-        units: Mapping[str, str] | None = None,
-        sense: str | int = "auto",
-        one_trajectory: bool = False,
-        learned_remainder: bool = False,
-        random_state: Any = None,
-    ) -> None:
-        self.nominal = nominal
-        self.effects = effects
-        self.signals = signals
-        self.equation = equation
-        self.position_scale = position_scale
-        self.sampling_interval = sampling_interval
-        self.plant = plant
-        self.units = units
-        self.sense = sense
-        self.one_trajectory = one_trajectory
-        self.learned_remainder = learned_remainder
-        self.random_state = random_state
+    nominal: Any = None
+    effects: str | Sequence[str] = "all"
+    _: KW_ONLY
+    signals: Signals | None = None
+    equation: str = "force"
+    position_scale: float | None = None
+    sampling_interval: float = 1e-3
+    plant: Any = None
+    units: Mapping[str, str] | None = None
+    sense: str | int = "auto"
+    one_trajectory: bool = False
+    learned_remainder: bool = False
+    random_state: Any = None
 
     def fit(self, X: Any, y: Any, groups: Any = None, where: Any = None) -> Self:
         """Diagnose.

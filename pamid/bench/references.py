@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..errors import ParameterError
+from ..explained import explained_by
 
 PERIOD = 1e-3
 """Control and sampling period, s."""
@@ -118,21 +119,9 @@ def sine(frequency: float, amplitude: float, samples: int, phase: float = 0.0, l
     return Trajectory(f"sine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
 
 
+@explained_by(sine)
 def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.0, lead: float = LEAD) -> Trajectory:
     """Return a triangle wave.
-
-    Parameters
-    ----------
-    frequency : float
-        rad/s.
-    amplitude : float
-        Degrees.
-    samples : int
-        Recorded samples at 1 kHz.
-    phase : float, default=0
-        Phase at the first recorded sample, rad.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -151,6 +140,7 @@ def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.
     return Trajectory(f"triangle-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
 
 
+@explained_by(sine)
 def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = LEAD) -> Trajectory:
     """Return a step.
 
@@ -158,12 +148,8 @@ def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = 
     ----------
     start, end : float
         Angles before and after, degrees.
-    samples : int
-        Recorded samples at 1 kHz.
     at : float, default=0.5
         When the step comes, s from the first recorded sample.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -182,6 +168,7 @@ def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = 
     return Trajectory(f"step-{_number(start)}-{_number(end)}", q, n_lead)
 
 
+@explained_by(sine)
 def multisine(
     frequency: float, amplitude: float, samples: int, seed: int = 0, tones: int = 6, lead: float = LEAD
 ) -> Trajectory:
@@ -193,14 +180,10 @@ def multisine(
         Highest of the frequencies, of which the others are fractions, rad/s.
     amplitude : float
         Peak, degrees.
-    samples : int
-        Recorded samples at 1 kHz.
     seed : int, default=0
         Seed of the phases.
     tones : int, default=6
         Number of sines.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -222,6 +205,7 @@ def multisine(
     return Trajectory(f"multisine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
 
 
+@explained_by(sine)
 def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
     """Return a run that holds an angle after a step from 0 in the middle of the lead-in.
 
@@ -229,10 +213,6 @@ def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
     ----------
     angle : float
         Degrees.
-    samples : int
-        Recorded samples at 1 kHz.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -251,19 +231,14 @@ def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
     return Trajectory(f"hold-{_number(angle)}", q, n_lead)
 
 
+@explained_by(hold)
 def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LEAD) -> Trajectory:
     """Return a hold during which both valves shut.
 
     Parameters
     ----------
-    angle : float
-        Degrees.
-    samples : int
-        Recorded samples at 1 kHz.
     after : float, default=0.5
         When the valves shut, s from the first recorded sample.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -282,21 +257,14 @@ def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LE
     return Trajectory(f"sealed-{_number(angle)}", held.q_ref, n_lead, sealed=t >= after - 0.5 * PERIOD)
 
 
+@explained_by(sine)
 def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, lead: float = LEAD) -> Trajectory:
     """Return a sine during which one muscle stays at constant pressure and the other one moves the joint.
 
     Parameters
     ----------
-    frequency : float
-        rad/s.
-    amplitude : float
-        Degrees.
-    samples : int
-        Recorded samples at 1 kHz.
     muscle : int, default=1
         The one at constant pressure, 1 or 2.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------
@@ -317,21 +285,16 @@ def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, 
     return Trajectory(name, moved.q_ref, moved.lead, share=(0.0, 2.0) if muscle == 1 else (2.0, 0.0))
 
 
+@explained_by(hold)
 def isometric(angle: float, rise: float, samples: int, frequency: float = 1.0, lead: float = LEAD) -> Trajectory:
     """Return a run that holds an angle while both pressures go up and down.
 
     Parameters
     ----------
-    angle : float
-        Degrees.
     rise : float
         How far the pressures rise, Pa.
-    samples : int
-        Recorded samples at 1 kHz.
     frequency : float, default=1
         Of the rise and fall, rad/s.
-    lead : float, default=0.6
-        Lead-in, s.
 
     Returns
     -------

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..explained import explained_by
 from ..gap.diagnosis.result import Diagnosis
 from ..gap.several.logs import diagnose
 from ..signals.frames import as_pandas
@@ -153,6 +154,7 @@ class Opinion:
         }
 
 
+@explained_by(diagnose)
 def second_opinion(
     log: pd.DataFrame,
     simulator: Simulator,
@@ -180,10 +182,6 @@ def second_opinion(
         What the tool fitted, see `read_fit`; several files are several fits, which are compared.
     effects : "all" or sequence of str, default="all"
         Effects that may be missing.
-    seed : int, default=0
-        Seed of the draws behind p-values and intervals.
-    progress : callable, optional
-        Called with a short text at each step.
 
     Returns
     -------

@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext
+from dataclasses import KW_ONLY
 from typing import Any
 
 import numpy as np
 import torch
 
 from ..errors import UnknownOptionError
+from ..explained import parameters
 from .host import BLOCK, HostGradient
 from .network import Parameters, forward, gradient
 from .problem import TrainingProblem
@@ -18,6 +20,7 @@ from .reparametrisation import IDENTITY, Reparametrisation
 from .trainer import Trainer
 
 
+@parameters
 class Adam(Trainer):
     r"""Train by Algorithm 1 as printed; with an adapter whose rates differ, by Algorithm 2.
 
@@ -40,8 +43,10 @@ class Adam(Trainer):
         λ.
     batch_size : int, default=2048
         Samples per batch (2048 from scratch, 128 in adaptation, in the study).
-    beta1, beta2 : float, default=0.9, 0.999
-        Decay of the first and second moment.
+    beta1 : float, default=0.9
+        Decay of the first moment.
+    beta2 : float, default=0.999
+        Decay of the second moment.
     epsilon : float, default=1e-8
         ε, whose value the study does not print.
     decay : {"twice", "once"}, default="twice"
@@ -69,34 +74,19 @@ class Adam(Trainer):
     (0.0001, 1e-05, 2048)
     """
 
-    def __init__(
-        self,
-        max_iter: int = 10_000,
-        *,
-        learning_rate: float = 1e-4,
-        weight_decay: float = 1e-5,
-        batch_size: int = 2048,
-        beta1: float = 0.9,
-        beta2: float = 0.999,
-        epsilon: float = 1e-8,
-        decay: str = "twice",
-        epsilon_inside: bool = True,
-        keep: str = "last",
-        patience: int = 500,
-        checkpoint: str | None = None,
-    ) -> None:
-        self.max_iter = max_iter
-        self.learning_rate = learning_rate
-        self.weight_decay = weight_decay
-        self.batch_size = batch_size
-        self.beta1 = beta1
-        self.beta2 = beta2
-        self.epsilon = epsilon
-        self.decay = decay
-        self.epsilon_inside = epsilon_inside
-        self.keep = keep
-        self.patience = patience
-        self.checkpoint = checkpoint
+    max_iter: int = 10_000
+    _: KW_ONLY
+    learning_rate: float = 1e-4
+    weight_decay: float = 1e-5
+    batch_size: int = 2048
+    beta1: float = 0.9
+    beta2: float = 0.999
+    epsilon: float = 1e-8
+    decay: str = "twice"
+    epsilon_inside: bool = True
+    keep: str = "last"
+    patience: int = 500
+    checkpoint: str | None = None
 
     def check(self) -> None:
         """Raise `ParameterError` for a number out of its domain, `UnknownOptionError` for an option that is not one."""

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import KW_ONLY
 from typing import ClassVar
 
+from ..explained import parameters
 from .adam import Adam
 from .units import TrainingUnits
 
 
+@parameters
 class AdamAsRun(Adam):
     """Train as the authors' notebooks do: ``trainer="adam_as_run"``, beside ``"adam"``, which follows the paper.
 
@@ -20,22 +23,6 @@ class AdamAsRun(Adam):
     ----------
     max_iter : int, default=10000
         Epochs asked for; the logs that are public end at 3,177 and at 403.
-    learning_rate, weight_decay : float
-        As in `Adam`.
-    batch_size : int
-        As in `Adam`.
-    beta1, beta2, epsilon : float
-        As in `Adam`.
-    decay : str
-        As in `Adam`.
-    epsilon_inside : bool
-        As in `Adam`.
-    keep : str
-        As in `Adam`.
-    patience : int
-        As in `Adam`.
-    checkpoint : str or None
-        As in `Adam`.
 
     Examples
     --------
@@ -50,33 +37,7 @@ class AdamAsRun(Adam):
     )
     adapting: ClassVar[dict[str, int]] = {"batch_size": 128, "max_iter": 1_000}
 
-    def __init__(
-        self,
-        max_iter: int = 10_000,
-        *,
-        learning_rate: float = 1e-4,
-        weight_decay: float = 1e-5,
-        batch_size: int = 1024,
-        beta1: float = 0.9,
-        beta2: float = 0.999,
-        epsilon: float = 1e-8,
-        decay: str = "once",
-        epsilon_inside: bool = False,
-        keep: str = "last",
-        patience: int = 500,
-        checkpoint: str | None = None,
-    ) -> None:
-        super().__init__(
-            max_iter,
-            learning_rate=learning_rate,
-            weight_decay=weight_decay,
-            batch_size=batch_size,
-            beta1=beta1,
-            beta2=beta2,
-            epsilon=epsilon,
-            decay=decay,
-            epsilon_inside=epsilon_inside,
-            keep=keep,
-            patience=patience,
-            checkpoint=checkpoint,
-        )
+    _: KW_ONLY
+    batch_size: int = 1024
+    decay: str = "once"
+    epsilon_inside: bool = False

@@ -12,13 +12,14 @@ and one Cholesky factor.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from functools import partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
 
+from ..explained import parameters
 from ..fitting.marquardt import Damping
 from .network import Parameters, Tape, adjoints, forward, jacobian_product, transposed_product
 from .problem import TrainingProblem
@@ -29,6 +30,7 @@ AVERAGE = 0.1
 """Share of a new step in the running mean of the parameters, where steps are taken on draws of samples."""
 
 
+@parameters
 class LevenbergMarquardt(Trainer):
     """Train by damped Gauss–Newton steps, each on a fresh draw of samples where there are many.
 
@@ -64,24 +66,14 @@ class LevenbergMarquardt(Trainer):
 
     second_order: ClassVar[bool] = True
 
-    def __init__(
-        self,
-        max_iter: int = 150,
-        *,
-        batch_size: int = 512,
-        weight_decay: float = 1e-6,
-        damping: float = 1e-3,
-        tolerance: float = 1e-9,
-        patience: int = 40,
-        checkpoint: str | None = None,
-    ) -> None:
-        self.max_iter = max_iter
-        self.batch_size = batch_size
-        self.weight_decay = weight_decay
-        self.damping = damping
-        self.tolerance = tolerance
-        self.patience = patience
-        self.checkpoint = checkpoint
+    max_iter: int = 150
+    _: KW_ONLY
+    batch_size: int = 512
+    weight_decay: float = 1e-6
+    damping: float = 1e-3
+    tolerance: float = 1e-9
+    patience: int = 40
+    checkpoint: str | None = None
 
     def loss_covers(self, n_samples: int) -> bool:
         """Return whether a step takes all samples."""

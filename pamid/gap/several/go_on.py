@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
+from ...explained import explained_by
 from ...simulators.base import Simulator
 from .conditions import Conditions, conditions_of
 from .history import History
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from ..diagnosis.result import Diagnosis
 
 
+@explained_by(diagnose)
 def go_on(
     history: History,
     logs: Mapping[str, pd.DataFrame],
@@ -39,10 +41,6 @@ def go_on(
         gas are those of its logs; one of any other simulator is a day of its own.
     alone : bool, default=False
         Whether a first log by itself is diagnosed as one log, without findings log by log.
-    seed : int, default=0
-        Seed of the draws behind p-values and intervals.
-    progress : callable, optional
-        Called with a short text at each step.
 
     Returns
     -------

@@ -1,0 +1,117 @@
+"""Parameters of a constructor as annotated fields, and docstrings that say what is shared once.
+
+``@parameters`` makes a class a dataclass whose fields are the parameters of its constructor. A parameter or an
+attribute that its own docstring leaves out is explained by the nearest base that has an entry for it, a parameter of a
+function by the functions that ``@explained_by`` names; ``default=`` follows from the signature. ``help()`` and the site
+show the whole.
+"""
+
+from __future__ import annotations
+
+import inspect
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, TypeVar, dataclass_transform
+
+ORDER = (
+    "Parameters", "Attributes", "Methods", "Returns", "Yields", "Raises", "Warns", "Warnings", "See Also", "Notes",
+    "References", "Examples",
+)  # fmt: skip
+"""Sections of a docstring, as numpydoc orders them."""
+
+T = TypeVar("T")
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+@dataclass_transform(eq_default=False, field_specifiers=(field,))
+def parameters(cls: type[T]) -> type[T]:
+    """Make the annotated fields of a class and of its bases the parameters of its constructor, and explain them.
+
+    Keyword parameters that the class itself adds come before those of its bases.
+    """
+    made: type[T] = dataclass(eq=False, repr=False)(cls)
+    owner = {name: depth for depth, base in enumerate(made.__mro__) for name in _own_fields(base)}
+    start: Any = made.__init__
+    signature = inspect.signature(start)
+    order = sorted(signature.parameters.values(), key=lambda p: (p.kind, owner[p.name] if p.kind > 1 else 0))
+    start.__signature__ = signature.replace(parameters=order)
+    explain(made)
+    return made
+
+
+def explain(cls: type) -> None:
+    """Complete the docstring of a class from those of its bases."""
+    doc, bases = Docstring(cls.__doc__), [Docstring(base.__doc__) for base in bases_of(cls)]
+    doc.take("Parameters", bases, list(inspect.signature(cls).parameters.values()))
+    doc.take("Attributes", bases)
+    cls.__doc__ = str(doc)
+
+
+def explained_by(*others: Any) -> Callable[[F], F]:
+    """Make other functions, or classes, explain the parameters that the docstring of a function leaves out."""
+
+    def explained(function: F) -> F:
+        doc, wanted = Docstring(function.__doc__), list(inspect.signature(function).parameters.values())
+        doc.take("Parameters", [Docstring(other.__doc__) for other in others], wanted)
+        function.__doc__ = str(doc)
+        return function
+
+    return explained
+
+
+def bases_of(cls: type) -> list[type]:
+    """Return the bases of a class, those of other libraries left out."""
+    return [base for base in cls.__mro__[1:] if base.__module__.partition(".")[0] not in ("sklearn", "builtins")]
+
+
+def _own_fields(cls: type) -> Iterable[str]:
+    """Return the parameters that a class declares itself."""
+    known = cls.__dict__.get("__dataclass_fields__", {})
+    return [name for name in inspect.get_annotations(cls) if name in known and known[name].init]
+
+
+class Docstring:
+    """A docstring as its sections, and the entries of these."""
+
+    def __init__(self, text: str | None) -> None:
+        self.head, *parts = re.split(r"\n\n(?=[A-Z][\w ]+\n-{3,}\n)", inspect.cleandoc(text or ""))
+        self.sections = {title: body for title, _, body in (part.split("\n", 2) for part in parts)}
+
+    def __str__(self) -> str:
+        titles = sorted(self.sections, key=ORDER.index)
+        parts = [f"{title}\n{'-' * len(title)}\n{self.sections[title]}" for title in titles]
+        return "\n\n".join([self.head, *parts])
+
+    def entries(self, section: str) -> list[str]:
+        """Return the entries of a section, each with the lines below it."""
+        return re.split(r"\n(?=\S)", self.sections[section]) if section in self.sections else []
+
+    def take(
+        self, section: str, others: Sequence[Docstring], wanted: Sequence[inspect.Parameter] | None = None
+    ) -> None:
+        """Add entries of others for what has none here: for the parameters wanted in their order, or for all."""
+        own = {name: entry for entry in self.entries(section) for name in _names(entry)}
+        known = dict(own)
+        for entry in (entry for other in others for entry in other.entries(section)):
+            known |= {name: entry for name in _names(entry) if name not in known}
+        if wanted is not None:
+            told = {p.name: _with_default(known[p.name], p) for p in wanted if p.name in known}
+            # Those of its own stand as they are; what explains the parameters of subclasses alone comes last.
+            known = {name: own.get(name, entry) for name, entry in told.items()} | own
+        if known:
+            self.sections[section] = "\n".join(dict.fromkeys(known.values()))
+
+
+def _names(entry: str) -> list[str]:
+    return [name.strip() for name in entry.partition("\n")[0].partition(" : ")[0].split(",")]
+
+
+def _with_default(entry: str, parameter: inspect.Parameter) -> str:
+    """Return an entry of a base with the default that its parameter has here."""
+    head, _, text = entry.partition("\n")
+    if " : " not in head or "optional" in head or parameter.default is parameter.empty:
+        return entry
+    value, head = parameter.default, re.sub(", default=.*", "", head)
+    shown = f"{value:.10g}".replace("e-0", "e-") if isinstance(value, float) else repr(value).replace("'", '"')
+    return f"{head}, {'optional' if value is None else f'default={shown}'}\n{text}"
