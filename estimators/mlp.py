@@ -19,14 +19,13 @@ from pamid.fitting.epochs import (
     local_generator,
     penalty,
     run_epochs,
-    standardisation,
     to_tensors,
 )
 
-from ._base import SignalRegressor
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._parameters import parameters
-from ._progress import FitProgress, ProgressMixin, fit_progress
+from ._plain_network import PlainNetwork
+from ._progress import FitProgress, fit_progress
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
@@ -36,7 +35,7 @@ _CHUNK = 65536  # rows predicted at a time, which bounds the memory of a predict
 
 
 @parameters
-class MLP(Streaming, ProgressMixin, SignalRegressor):
+class MLP(Streaming, PlainNetwork):
     r"""Plain network from the muscle's signals to a force or a mass flow.
 
     .. math:: y = \bar y + \sigma_y\, N\!\left(\frac{s - \bar s}{\sigma_s}\right), \quad
@@ -63,34 +62,15 @@ class MLP(Streaming, ProgressMixin, SignalRegressor):
         Maximum number of epochs (Adam) or iterations (L-BFGS).
     alpha : float, default=0.0
         Weight decay: factor of the sum of squared weights in the loss, dimensionless.
-    early_stopping : bool, default=False
-        Whether to hold out whole runs, keep the weights that do best on them, and stop when they cease to
-        improve. Otherwise the training loss decides.
-    validation_fraction : float, default=0.2
-        Share of the runs that is held out, dimensionless.
-    patience : int, default=30
-        Epochs without improvement after which the fit ends.
-    tol : float, default=1e-5
-        Relative improvement of the loss that counts, dimensionless.
     random_state : int or RandomState, optional
         Seed of the initial weights, the order of rows and the choice of held-out runs.
-    device : str, default="cpu"
-        Device of torch on which the network is trained.
 
     Attributes
     ----------
     weights_ : dict of str to ndarray
         Weight matrices ``W0``, ``W1``, ... of shape (n_in, n_out), and biases ``b0``, ``b1``, ...
-    input_mean_, input_scale_ : ndarray, shape (n_inputs,)
-        Mean and standard deviation of the inputs, in their units.
-    target_mean_, target_scale_ : float
-        Mean and standard deviation of the target, in its unit.
     loss_curve_ : list of float
         Training loss of each epoch: mean squared error in units of the target's variance, and the weight decay.
-    validation_curve_ : list of float
-        The same error on the held-out runs; empty without early stopping.
-    n_iter_ : int
-        Epochs of the fit.
 
     See Also
     --------
@@ -130,24 +110,8 @@ class MLP(Streaming, ProgressMixin, SignalRegressor):
     batch_size: int = 256
     max_iter: int = 200
     alpha: float = 0.0
-    early_stopping: bool = False
-    validation_fraction: float = 0.2
     patience: int = 30
     tol: float = 1e-5
-    random_state: Any = None
-    device: str = "cpu"
-
-    equations = ("force", "flow", "dynamic")
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        if equation == "dynamic":  # the comparison gives the inputs of the output
-            return {"": {}}
-        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
-        return tuple(self.inputs)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Train the network from new weights.
@@ -214,11 +178,6 @@ class MLP(Streaming, ProgressMixin, SignalRegressor):
     def _table(self, X: Any, y: Any, sample_weight: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         table, target, weights = self._read_weighted(X, y, sample_weight, reset=reset)
         return self._signals(table, self.inputs), target, weights
-
-    def _set_scales(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> None:
-        self.input_mean_, self.input_scale_ = standardisation(columns, weights)
-        mean, scale = standardisation(target[:, None], weights)
-        self.target_mean_, self.target_scale_ = float(mean[0]), float(scale[0])
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple[Any, Any, Any]:
         """Standardised inputs and target, and weights of mean one, as tensors."""

@@ -17,15 +17,14 @@ from pamid.fitting.epochs import (
     held_out_rows,
     local_generator,
     run_epochs,
-    standardisation,
     to_tensors,
 )
 from pamid.fitting.recurrent import CELLS, Network, Piece, detached, index_table, initial_weights, pieces_of
 
-from ._base import SignalRegressor
 from ._checks import check_counts, check_option, check_sizes, warn_of_still_columns
 from ._parameters import parameters
-from ._progress import ProgressMixin, fit_progress
+from ._plain_network import PlainNetwork
+from ._progress import fit_progress
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
 from ._trajectories import trajectory_slices
@@ -34,7 +33,7 @@ _STEPS_AT_ONCE = 262_144  # rows times sequences predicted at a time, which boun
 
 
 @parameters
-class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor):
+class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
     r"""Recurrent network from the muscle's signals and their history to a force or a mass flow.
 
     .. math:: h_t = f(h_{t-1}, s_t), \qquad y_t = w^\top h_t + b
@@ -68,34 +67,15 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor
         Segments that run side by side.
     max_iter : int, default=50
         Maximum number of epochs.
-    early_stopping : bool, default=False
-        Whether to hold out whole runs, keep the weights that do best on them, and stop when they cease to
-        improve. Otherwise the training loss decides.
-    validation_fraction : float, default=0.2
-        Share of the runs that is held out, dimensionless.
-    patience : int, default=20
-        Epochs without improvement after which the fit ends.
-    tol : float, default=1e-4
-        Relative improvement of the loss that counts, dimensionless.
     random_state : int or RandomState, optional
         Seed of the initial weights, the order of segments and the choice of held-out runs.
-    device : str, default="cpu"
-        Device of torch on which the network runs.
 
     Attributes
     ----------
     weights_ : dict of str to ndarray
         Weights of the cells, with torch's names, and ``out_weight``, ``out_bias``.
-    input_mean_, input_scale_ : ndarray, shape (n_inputs,)
-        Mean and standard deviation of the inputs, in their units.
-    target_mean_, target_scale_ : float
-        Mean and standard deviation of the target, in its unit.
     loss_curve_ : list of float
         Training loss of each epoch: mean squared error in units of the target's variance.
-    validation_curve_ : list of float
-        The same error on the held-out runs; empty without early stopping.
-    n_iter_ : int
-        Epochs of the fit.
 
     See Also
     --------
@@ -149,24 +129,8 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor
     learning_rate: float = 1e-2
     batch_size: int = 32
     max_iter: int = 50
-    early_stopping: bool = False
-    validation_fraction: float = 0.2
     patience: int = 20
     tol: float = 1e-4
-    random_state: Any = None
-    device: str = "cpu"
-
-    equations = ("force", "flow", "dynamic")
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        if equation == "dynamic":  # the comparison gives the inputs of the output
-            return {"": {}}
-        return {"": {"inputs": ("eps", "deps", "P", "dP")}}  # as the hybrid models
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
-        return tuple(self.inputs)
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Train the network from new weights.
@@ -273,11 +237,6 @@ class Recurrent(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor
             column_or_1d(y, warn=True).astype(float),
             self._codes(X, table, groups),
         )
-
-    def _set_scales(self, columns: np.ndarray, target: np.ndarray) -> None:
-        self.input_mean_, self.input_scale_ = standardisation(columns, np.ones(len(columns)))
-        mean, scale = standardisation(target[:, None], np.ones(len(target)))
-        self.target_mean_, self.target_scale_ = float(mean[0]), float(scale[0])
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray | None) -> tuple[Any, Any]:
         import torch
