@@ -7,9 +7,10 @@ from collections.abc import Callable
 from functools import wraps
 from typing import Any
 
+from pamid.explained import explain_methods
 from pamid.signals.frames import as_pandas, is_foreign
 
-from ._parameters import explain_methods
+from ._parameters import Methods
 
 
 class TakesFrames:
@@ -28,7 +29,7 @@ class TakesFrames:
             method = inspect.getattr_static(cls, name)
             if inspect.isfunction(method) and _reads_table(method):
                 setattr(cls, name, _of_any_frame(method))
-        explain_methods(cls)
+        explain_methods(cls, Methods)
 
 
 def _no_method() -> None:

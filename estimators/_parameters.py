@@ -1,11 +1,9 @@
-"""What methods of the same name have in common, and docstrings of methods that take it."""
+"""What methods of estimators have in common, for the docstrings of those of the same name."""
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
 
-from pamid.explained import Docstring, bases_of
 from pamid.explained import parameters as parameters
 
 
@@ -65,17 +63,3 @@ class Methods:
         dict of str to (str, array or symbol)
             Unit and value of each output.
         """
-
-
-def explain_methods(cls: type) -> None:
-    """Complete the docstrings of the methods of a class from those of its bases and of its fit."""
-    for name, method in vars(cls).items():
-        if name.startswith("_") or not inspect.isfunction(method) or method.__doc__ is None:
-            continue
-        same = [Docstring(vars(c)[name].__doc__) for c in (*bases_of(cls), Methods) if name in vars(c)]
-        fits = [Docstring(c.fit.__doc__) for c in (cls, Methods) if hasattr(c, "fit")]
-        doc = Docstring(method.__doc__)
-        doc.take("Parameters", [*same, *fits], list(inspect.signature(method).parameters.values())[1:])
-        if "Returns" not in doc.sections and (told := [d.sections["Returns"] for d in same if "Returns" in d.sections]):
-            doc.sections["Returns"] = told[0]
-        method.__doc__ = str(doc)

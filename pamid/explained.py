@@ -48,6 +48,21 @@ def explain(cls: type) -> None:
     cls.__doc__ = str(doc)
 
 
+def explain_methods(cls: type, common: type) -> None:
+    """Complete the docstrings of the methods of a class from those of its bases, of its fit, and of common methods."""
+    for name, method in vars(cls).items():
+        function = method.__func__ if isinstance(method, classmethod) else method
+        if name.startswith("_") or not inspect.isfunction(function) or function.__doc__ is None:
+            continue
+        same = [Docstring(vars(c)[name].__doc__) for c in (*bases_of(cls), common) if name in vars(c)]
+        fits = [Docstring(c.fit.__doc__) for c in (cls, common) if hasattr(c, "fit")]
+        doc = Docstring(function.__doc__)
+        doc.take("Parameters", [*same, *fits], list(inspect.signature(function).parameters.values())[1:])
+        if "Returns" not in doc.sections and (told := [d.sections["Returns"] for d in same if "Returns" in d.sections]):
+            doc.sections["Returns"] = told[0]
+        function.__doc__ = str(doc)
+
+
 def explained_by(*others: Any) -> Callable[[F], F]:
     """Make other functions, or classes, explain the parameters that the docstring of a function leaves out."""
 

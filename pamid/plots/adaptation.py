@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..errors import ParameterError, ShapeError
+from ._display import Display
 from ._signals import predicted, runs_of, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, drawn_on, style
 
@@ -19,7 +20,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MARKS = ("o", "s", "^", "D", "v")
 
 
-class AdaptationDisplay:
+class AdaptationDisplay(Display):
     """Error on unseen runs over the number of samples that an adaptation had, one curve per method.
 
     Parameters
@@ -32,13 +33,6 @@ class AdaptationDisplay:
         Error of the source as it is.
     unit : str, default="N"
         SI unit of the errors.
-
-    Attributes
-    ----------
-    ax_ : Axes
-        Where it was drawn.
-    figure_ : Figure
-        Its figure.
 
     Examples
     --------
@@ -79,11 +73,6 @@ class AdaptationDisplay:
             Error of the source as it is.
         unit : str, default="N"
             SI unit.
-
-        Returns
-        -------
-        AdaptationDisplay
-            To be drawn with ``plot``.
         """
         arrays = {str(name): np.asarray(values, dtype=float) for name, values in errors.items()}
         return cls(np.asarray(samples, dtype=int), arrays, before, unit)
@@ -126,15 +115,8 @@ class AdaptationDisplay:
             Draws of samples at each number.
         source : estimator, optional
             Fitted model of the source, for the line "as it is".
-        unit : str, default="N"
-            SI unit of the target.
         random_state : int, RandomState or None, default=None
             Draws.
-
-        Returns
-        -------
-        AdaptationDisplay
-            To be drawn with ``plot``.
 
         Raises
         ------
@@ -164,18 +146,7 @@ class AdaptationDisplay:
         return cls(np.asarray(samples, dtype=int), errors, before, unit)
 
     def plot(self, ax: Axes | None = None) -> Self:
-        """Draw the curves, both axes in powers of ten.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
-
-        Returns
-        -------
-        AdaptationDisplay
-            With the attributes ``ax_`` and ``figure_``.
-        """
+        """Draw the curves, both axes in powers of ten."""
         factor, word, unit = target_of(self.unit)
         with style():
             self.figure_, self.ax_ = drawn_on(ax)

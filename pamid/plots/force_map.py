@@ -10,6 +10,7 @@ import numpy as np
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
 from ..signals.thinning import spaced
+from ._display import Display
 from ._signals import resting
 from .style import drawn_on, style
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(eq=False, repr=False)
-class ForceMapDisplay:
+class ForceMapDisplay(Display):
     """Force over contraction and gauge pressure at rest, with the samples that a fit had.
 
     Parameters
@@ -62,15 +63,6 @@ class ForceMapDisplay:
             Fitted on a DataFrame with ``eps``, ``P`` and, where it needs them, ``deps`` and ``dP``.
         X : DataFrame
             The data, with ``eps`` and ``P`` (Pa, absolute).
-        atmospheric_pressure : float, default=101325
-            Pa, absolute.
-        n_points : int, default=60
-            Points along each axis.
-
-        Returns
-        -------
-        ForceMapDisplay
-            To be drawn with ``plot``.
 
         Raises
         ------
@@ -97,36 +89,16 @@ class ForceMapDisplay:
 
         Parameters
         ----------
-        eps : array_like, shape (n_eps,)
-            Contraction ratio, dimensionless.
-        p_gauge : array_like, shape (n_pressures,)
-            Gauge pressure, Pa.
         force : array_like, shape (n_pressures, n_eps)
             Force at rest, N.
         samples : array_like, shape (n_samples, 2), optional
             Contraction and gauge pressure of samples to show.
-
-        Returns
-        -------
-        ForceMapDisplay
-            To be drawn with ``plot``.
         """
         shown = np.zeros((0, 2)) if samples is None else np.asarray(samples, dtype=float)
         return cls(np.asarray(eps, float), np.asarray(p_gauge, float), np.asarray(force, float), shown)
 
     def plot(self, ax: Axes | None = None) -> Self:
-        """Draw the map with its samples.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
-
-        Returns
-        -------
-        ForceMapDisplay
-            With the attributes ``ax_`` and ``figure_``.
-        """
+        """Draw the map with its samples."""
         with style():
             self.figure_, self.ax_ = drawn_on(ax)
             x, y = 100 * self.eps, self.p_gauge / 1e5

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..errors import UnknownOptionError
+from ._display import Display
 from ._signals import axis_of, column, predicted, runs_of, same_length, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
 
@@ -20,7 +21,7 @@ _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
 @dataclass(eq=False, repr=False)
-class LoopDisplay:
+class LoopDisplay(Display):
     """Target over the contraction (or another signal), run by run, measured and predicted.
 
     The width of a loop is what a static model cannot follow: hysteresis, friction, lags.
@@ -37,13 +38,6 @@ class LoopDisplay:
         What x is: a column's name.
     unit : str, default="N"
         SI unit of the target.
-
-    Attributes
-    ----------
-    ax_ : Axes
-        Where it was drawn.
-    figure_ : Figure
-        Its figure.
 
     Examples
     --------
@@ -76,23 +70,8 @@ class LoopDisplay:
 
         Parameters
         ----------
-        estimator : estimator
-            Fitted.
         X : DataFrame
             Signals, with the column `across`.
-        y : array_like, shape (n_samples,)
-            Measured target, SI.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; the column ``trajectory`` by default.
-        across : str, default="eps"
-            Column on the axis.
-        unit : str, default="N"
-            SI unit of the target: ``"N"``, ``"kg/s"``, ``"Pa"``.
-
-        Returns
-        -------
-        LoopDisplay
-            To be drawn with ``plot``.
 
         Raises
         ------
@@ -109,21 +88,8 @@ class LoopDisplay:
 
         Parameters
         ----------
-        y_true, y_pred : array_like, shape (n_samples,)
-            Measured and predicted target, SI.
         X : DataFrame
             Signals, with the column `across`.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; the column ``trajectory`` by default.
-        across : str, default="eps"
-            Column on the axis.
-        unit : str, default="N"
-            SI unit of the target.
-
-        Returns
-        -------
-        LoopDisplay
-            To be drawn with ``plot``.
         """
         y_true, y_pred = (np.asarray(y, dtype=float).ravel() for y in (y_true, y_pred))
         return cls(column(X, across), y_true, y_pred, runs_of(X, groups), across, unit)
@@ -133,17 +99,10 @@ class LoopDisplay:
 
         Parameters
         ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
         runs : sequence, optional
             Which runs; by default `most` of them, evenly from the best to the worst predicted.
         most : int, default=3
             How many runs where none are named.
-
-        Returns
-        -------
-        LoopDisplay
-            With the attributes ``ax_`` and ``figure_``.
 
         Raises
         ------

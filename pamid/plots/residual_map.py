@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from ..errors import ParameterError
+from ._display import Display
 from ._signals import axis_of, column, predicted, same_length, target_of
 from .style import drawn_on, style
 
@@ -20,7 +21,7 @@ _FEWEST = 3  # samples in a cell that is drawn
 
 
 @dataclass(eq=False, repr=False)
-class ResidualMapDisplay:
+class ResidualMapDisplay(Display):
     """Mean of measured less predicted over two signals of the state.
 
     Parameters
@@ -33,13 +34,6 @@ class ResidualMapDisplay:
         The two columns.
     unit : str, default="N"
         SI unit of the target.
-
-    Attributes
-    ----------
-    ax_ : Axes
-        Where it was drawn.
-    figure_ : Figure
-        Its figure.
 
     See Also
     --------
@@ -77,23 +71,8 @@ class ResidualMapDisplay:
 
         Parameters
         ----------
-        estimator : estimator
-            Fitted.
         X : DataFrame
             Signals, with the columns of `over`.
-        y : array_like, shape (n_samples,)
-            Measured target, SI.
-        over : tuple of str, default=("eps", "P")
-            Columns on the axes.
-        unit : str, default="N"
-            SI unit of the target: ``"N"``, ``"kg/s"``, ``"Pa"``.
-        cells : tuple of int, default=(18, 14)
-            Cells along the two axes.
-
-        Returns
-        -------
-        ResidualMapDisplay
-            To be drawn with ``plot``.
 
         Raises
         ------
@@ -117,21 +96,8 @@ class ResidualMapDisplay:
 
         Parameters
         ----------
-        y_true, y_pred : array_like, shape (n_samples,)
-            Measured and predicted target, SI.
         X : DataFrame
             Signals, with the columns of `over`.
-        over : tuple of str, default=("eps", "P")
-            Columns on the axes.
-        unit : str, default="N"
-            SI unit of the target.
-        cells : tuple of int, default=(18, 14)
-            Cells along the two axes.
-
-        Returns
-        -------
-        ResidualMapDisplay
-            To be drawn with ``plot``.
         """
         if min(cells) < 2:
             raise ParameterError(f"cells is {cells}.", "at least 2 along each axis", "Raise it.")
@@ -147,18 +113,7 @@ class ResidualMapDisplay:
         return cls(edges[0], edges[1], mean.T, over, unit)
 
     def plot(self, ax: Axes | None = None) -> Self:
-        """Draw the map; white agrees, grey has no data.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
-
-        Returns
-        -------
-        ResidualMapDisplay
-            With the attributes ``ax_`` and ``figure_``.
-        """
+        """Draw the map; white agrees, grey has no data."""
         factor, word, unit = target_of(self.unit)
         (sx, lx), (sy, ly) = axis_of(self.over[0]), axis_of(self.over[1])
         shown = factor * self.residual

@@ -12,6 +12,7 @@ from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
 from ..requirements import WithVolume
 from ..signals.thinning import spaced
+from ._display import Display
 from ._signals import column, resting, runs_of
 from .style import INK, drawn_on, style
 
@@ -23,7 +24,7 @@ _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pa
 
 
 @dataclass(eq=False, repr=False)
-class VolumeSurfaceDisplay:
+class VolumeSurfaceDisplay(Display):
     """Identified volume over contraction and gauge pressure, and its relative uncertainty as lines.
 
     The uncertainty is the spread of the volume among estimators that were fitted on different runs: what other runs
@@ -39,13 +40,6 @@ class VolumeSurfaceDisplay:
         Volume and its standard deviation, m³.
     known : ndarray of bool, shape (n_pressures, n_eps)
         Where there were samples nearby.
-
-    Attributes
-    ----------
-    ax_ : Axes
-        Where it was drawn.
-    figure_ : Figure
-        Its figure.
 
     Examples
     --------
@@ -90,21 +84,10 @@ class VolumeSurfaceDisplay:
             Signals, with ``eps`` and ``P`` (Pa, absolute).
         y : array_like, shape (n_samples,)
             Target of the fit.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; the column ``trajectory`` by default.
         n_refits : int, default=8
             Refits.
         random_state : int, RandomState or None, default=None
             Draws of runs.
-        atmospheric_pressure : float, default=101325
-            Pa, absolute.
-        n_points : int, default=40
-            Points along each axis.
-
-        Returns
-        -------
-        VolumeSurfaceDisplay
-            To be drawn with ``plot``.
 
         Raises
         ------
@@ -158,15 +141,6 @@ class VolumeSurfaceDisplay:
             Fitted, each with a method ``volume(X)``; with one there is no uncertainty.
         X : DataFrame
             Signals, with ``eps`` and ``P`` (Pa, absolute): they say what range to show.
-        atmospheric_pressure : float, default=101325
-            Pa, absolute.
-        n_points : int, default=40
-            Points along each axis.
-
-        Returns
-        -------
-        VolumeSurfaceDisplay
-            To be drawn with ``plot``.
         """
         from scipy.spatial import cKDTree
 
@@ -200,33 +174,15 @@ class VolumeSurfaceDisplay:
         ----------
         eps : array_like, shape (n_eps,)
             Contraction ratio.
-        p_gauge : array_like, shape (n_pressures,)
-            Gauge pressure, Pa.
         V, V_std : array_like, shape (n_pressures, n_eps)
             Volume and its standard deviation, m³.
-
-        Returns
-        -------
-        VolumeSurfaceDisplay
-            To be drawn with ``plot``.
         """
         V = np.asarray(V, dtype=float)
         spread = np.zeros_like(V) if V_std is None else np.asarray(V_std, dtype=float)
         return cls(np.asarray(eps, float), np.asarray(p_gauge, float), V, spread, np.ones(V.shape, dtype=bool))
 
     def plot(self, ax: Axes | None = None) -> Self:
-        """Draw the surface; pale where there were no data, lines of equal uncertainty in per cent.
-
-        Parameters
-        ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
-
-        Returns
-        -------
-        VolumeSurfaceDisplay
-            With the attributes ``ax_`` and ``figure_``.
-        """
+        """Draw the surface; pale where there were no data, lines of equal uncertainty in per cent."""
         with style():
             self.figure_, self.ax_ = drawn_on(ax)
             x, y, V = 100 * self.eps, self.p_gauge / 1e5, 1e6 * self.V
