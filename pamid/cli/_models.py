@@ -150,6 +150,8 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
     simulator.ports = tuple(replace(p, column=named.get(p.name, "")) for p in simulator.ports)
     simulator.parameters = simulator.own_numbers()
     unknown = {p.name for p in _signals(simulator)} - set(columns)
+    begun = _begun(simulator, columns)
+    simulator.ports = (*simulator.ports, *begun)
     lines = page_text(simulator, folder).splitlines()
     for k, line in enumerate(lines):
         name = line.partition(" =")[0]
@@ -157,11 +159,24 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
             lines[k] += "  # ASSUMED: replace the column or confirm it"
         elif name in unknown:
             lines[k] += '  # add column = "..." if the log has it'
+        elif name in {p.name for p in begun}:
+            lines[k] += "  # each run begins at its own value, which is fitted"
         elif name.startswith("joint_of_"):
             lines[k] += "  # ASSUMED, by units and samples: friction is tested here"
         elif line == "[parameters]":
             lines[k] += "  # a tolerance of 0 holds a number fixed: say how well you know each"
     return "\n".join(lines) + "\n"
+
+
+def _begun(simulator: Simulator, columns: Mapping[str, str]) -> list[Port]:
+    """Return the states of an FMU at which each run begins anew; none where the readings cannot tell them.
+
+    A reading tells a value and its rate.
+    """
+    from ..simulators.fmu_model import FmuSimulator
+
+    found = simulator.own_states() if isinstance(simulator, FmuSimulator) else []
+    return found if len(found) <= 2 * sum(p.kind == "output" and p.name in columns for p in simulator.ports) else []
 
 
 def _signals(simulator: Simulator) -> list[Port]:

@@ -124,6 +124,8 @@ def diagnosed(
     assert found.history is not None
     if args.sim and isinstance(simulator, Simulator):
         found.history.page = str(Path(args.sim).resolve())
+    found.history.columns = str(Path(args.columns).resolve()) if args.columns else ""
+    found.history.encoding = args.encoding or ""
     return found, pd.concat(found.history.logs.values(), ignore_index=True)
 
 

@@ -24,7 +24,7 @@ from .diagnosis.result import Diagnosis
 from .inference.first_order import FirstOrder
 from .inference.floor import explainable
 from .inference.sensitivity import Template, laid
-from .inference.so_far import alone_so_far, stopped
+from .inference.so_far import alone_so_far, in_words, stopped
 from .residuals.direct import DirectEvidence
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE
@@ -92,7 +92,7 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
     simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
     try:
         for name in [*simple, *(name for name in library if name not in simple)]:
-            say(f"sensitivity to {name}")
+            say(f"sensitivity to {in_words(name)}")
             known[name] = _templates(evidence, name)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
@@ -212,7 +212,7 @@ def _forces(
             continue
         told: dict[str, str] = {}
         for cause in found.added:
-            for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False):
+            for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True):
                 place = evidence.placements[name]
                 if place.name == "back_emf" or place.port != joint.name:  # a back-EMF is not a force
                     continue
@@ -233,7 +233,7 @@ def _forces(
 def _cause(cause: Cause, places: Mapping[str, Placement], physical: Mapping[tuple[str, str], str]) -> Cause:
     first, *others = [
         {k: replace(p, physical=physical.get((name, k), "")) for k, p in _at(places[name], parameters).items()}
-        for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False)
+        for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True)
     ]
     names = tuple(places[e].name for e in cause.effects)
     ports = tuple(places[e].port for e in cause.effects)

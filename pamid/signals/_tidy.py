@@ -60,6 +60,8 @@ def tidy(
     own = {str(c): i for i, c in enumerate(raw.columns)}
     words = () if mapping.signals else _words(raw, mapping)
     used_trajectory = _trajectory_column(raw, mapping, path)
+    if used_trajectory is None and mapping.trajectory is not None:
+        words += (f"no column {mapping.trajectory!r} names the runs, so this file is read as one run",)
     signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, mapping, path)
     if mapping.keep_others and mapping.signals:
         taken = {_position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
@@ -113,9 +115,9 @@ def _with_head(table: RawTable, mapping: LogMapping) -> pd.DataFrame:
 
 
 def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> int | None:
-    if mapping.trajectory is not None:
-        own = {str(c): i for i, c in enumerate(raw.columns)}
-        return _position(raw, mapping.trajectory, TRAJECTORY, path, own)
+    """Return the column that names the runs; a single run, recorded later, often comes without it."""
+    if isinstance(mapping.trajectory, int):
+        return _position(raw, mapping.trajectory, TRAJECTORY, path, {})
     return names_column(raw.columns, mapping)
 
 

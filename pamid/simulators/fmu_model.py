@@ -170,6 +170,16 @@ class FmuSimulator(Simulator):
                     found[plain[v["name"]]] = ModelParameter(float(v["start"]), unit=v["unit"])
         return found
 
+    def own_states(self) -> list[Port]:
+        """Return the continuous states whose start values may be set, as its description says."""
+        plain = {name: own for own, name in self._names.items()}
+        taken = {p.name for p in self.ports}
+        return [
+            Port(plain[v["name"]], "state", v["unit"])
+            for v in self.described["variables"]
+            if v.get("state") and v["type"] in _NUMERIC and plain[v["name"]] not in taken
+        ]
+
     def name_of(self, port: str) -> str:
         """Return the FMU's own name of a port or parameter."""
         return self._names[port]

@@ -57,6 +57,7 @@ def described(path: str) -> dict[str, Any]:
         if (size := sum(i.file_size for i in archive.infolist())) > MOST_UNPACKED:
             raise ValueError(f"it unpacks to {size:,} bytes; at most {MOST_UNPACKED:,} are read")
     d = fmpy.read_model_description(path, validate=False)
+    states = {v.derivative.name for v in d.modelVariables if v.derivative is not None}
     variables = [
         {
             "name": v.name,
@@ -65,6 +66,7 @@ def described(path: str) -> dict[str, Any]:
             "unit": v.unit or (v.declaredType.unit if v.declaredType is not None else "") or "-",
             "start": str(v.start or ""),
             "type": v.type,
+            "state": v.name in states and v.initial in ("exact", "approx"),
         }
         for v in d.modelVariables
     ]

@@ -1,6 +1,7 @@
 """Several logs, days, changes and further logs, with any simulator: in Python and on the command line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,9 +10,13 @@ import pytest
 
 import pamid
 from pamid.cli import main
+from pamid.effects import all_effects
 from pamid.errors import IncompatibleError, LogFormatError, ParameterError, UnknownOptionError, UntrustedCodeError
 from pamid.gap import diagnose_simulator
+from pamid.gap.diagnosis.findings import Cause, ParameterEstimate
 from pamid.gap.several import Conditions, read_conditions, read_history
+from pamid.gap.several.compare import _causes
+from pamid.gap.several.variants import Variants
 from pamid.simulators import FunctionSimulator, Port
 from pamid.systems.cylinder import Cylinder
 
@@ -152,6 +157,60 @@ def test_a_cylinder_goes_on_from_an_earlier_log(tmp_path: Path) -> None:
     second.history.write(tmp_path)
     again = read_history(tmp_path, read=pamid.read_simulator)
     assert list(again.logs) == ["log", "log 2"] and again.rounds == second.rounds
+    (tmp_path / "stage").mkdir()
+    second.history.write(tmp_path / "stage", tmp_path)  # files that replace others are written elsewhere and moved
+    assert json.loads((tmp_path / "stage" / "state.json").read_text())["simulator"]["page"] == "sim.toml"
+
+
+MOTOR = FunctionSimulator(
+    lambda t, x, u, p: [x.dq, (p.k * u.u + u.load) / p.J],
+    [
+        Port("u", "input", "V"), Port("load", "input", "N m"), Port("phi", "output", "rad"),
+        Port("w", "output", "rad/s"), Port("q", "state", "rad"), Port("dq", "state", "rad/s"),
+        Port("shaft", "joint", "N m", position="q", velocity="dq", through="load"),
+    ],
+    {"k": (0.05, 0.0, "N m/V"), "J": (2e-3, 0.0, "kg m^2")},
+    output=lambda t, x, u, p: [x.q, x.dq],
+)  # fmt: skip
+
+
+def turned(seed: int, damping: float) -> pd.DataFrame:
+    """A motor whose damping, which its simulator lacks, changes its motion many times over."""
+    found = []
+    for k in range(3):
+        rng, t, w, phi, rows = np.random.default_rng([seed, k]), np.arange(0, 6, 0.02), 0.0, 0.0, []
+        rates, phases = 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
+        volt = 2.5 * sum(np.sin(r * t + p) - np.sin(p) for r, p in zip(rates, phases, strict=True))
+        for u in volt:
+            rows.append((phi, w))
+            for _ in range(20):
+                phi, w = phi + 1e-3 * w, w + 1e-3 * (0.05 * u - damping * w) / 2e-3
+        shown = np.array(rows) + [1e-3, 5e-2] * rng.standard_normal((len(t), 2))
+        found.append(pd.DataFrame({"trajectory": f"{k}", "time": t, "u": volt, "phi": shown[:, 0], "w": shown[:, 1]}))
+    return pd.concat(found, ignore_index=True)
+
+
+@pytest.mark.slow
+def test_a_large_cause_that_doubles_is_found_among_effects_that_first_order_prefers() -> None:
+    library = ["actuator_hysteresis", "parameter_deviation", "actuator_dead_zone", "hysteresis", "viscous_friction"]
+    found = diagnose_simulator({"monday": turned(1, 4e-3), "friday": turned(3, 8e-3)}, MOTOR, library)
+    (cause,), (change,) = found.causes, found.changes
+    assert cause.effects == ("viscous_friction",)
+    assert (change.effect, change.how, change.log) == ("viscous_friction", "grows", "friday")
+    assert (change.before, change.after) == pytest.approx((4e-3, 8e-3), rel=0.02)
+
+
+def test_each_effect_of_a_class_keeps_its_own_parameters() -> None:
+    variants = Variants(["creep", "maxwell"], all_effects(), ["a", "b"], ["1", "2"])
+    sizes = [{name: ParameterEstimate(1.0, "N", (0.9, 1.1))} for name in ("stiffness", "amplitude", "damping")]
+    one = Cause(
+        ("creep", "creep@from 2", "maxwell"), "x", 0.9, 0.5, share_ci90=(0.4, 0.6), parameters=sizes[0],
+        others=(sizes[1], sizes[2]),
+    )  # fmt: skip
+    other = replace(one, effects=("creep@from 2", "maxwell"), others=(sizes[2],))
+    for causes in ([one], [one, other]):
+        (found,) = _causes(causes, [], variants)
+        assert found.effects == ("creep", "maxwell") and found.others == (sizes[2],)
 
 
 # --- on the command line ------------------------------------------------------------------------------------

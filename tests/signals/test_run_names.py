@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pamid.bench import BenchParameters, simulate, sine, unfold
-from pamid.errors import ColumnTypeError
+from pamid.errors import ColumnTypeError, ReadingWarning, TimeOrderError
 from pamid.signals import read_log, read_log_pieces, write_log
 
 TIME = [0.0, 0.001, 0.002]
@@ -170,3 +170,14 @@ def test_names_of_several_files_stay_apart(tmp_path):
     assert back["trajectory"].unique().tolist() == ["a@x", "a@y", "a@y#2"]
     pieces = pd.concat(read_log_pieces([first, second]))
     assert pieces["trajectory"].unique().tolist() == ["a", "a@y", "a@y#2"]
+
+
+def test_a_run_recorded_later_may_come_without_the_column_that_names_runs(tmp_path: Path) -> None:
+    mapping = {"signals": {"time": "t", "P": "p"}, "trajectory": "Run"}
+    log = pd.DataFrame({"t": TIME, "p": [2e5, 2.1e5, 2.2e5]})
+    log.to_csv(tmp_path / "later.csv", index=False)
+    with pytest.warns(ReadingWarning, match="no column 'Run' names the runs, so this file is read as one run"):
+        assert read_log(tmp_path / "later.csv", mapping)["trajectory"].unique().tolist() == ["later"]
+    pd.concat([log, log]).to_csv(tmp_path / "two.csv", index=False)
+    with pytest.raises(TimeOrderError, match="time goes backwards"):
+        read_log(tmp_path / "two.csv", mapping)

@@ -189,7 +189,7 @@ def write(
         write_whole(stage / "report.html", report_html(d, source, step))
         write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
-            history.write(stage)
+            history.write(stage, folder)
         if passport is not None:
             for name, text in passport.texts().items():
                 (stage / name).write_text(text, encoding="utf-8")

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -138,12 +140,21 @@ def run(args: argparse.Namespace) -> int:
     for file in files:
         print(f"wrote {file}")
     if plan.runs:
-        trust = " --trust" if args.trust else ""
-        second = quoted([Path(args.folder).with_name("second")])
-        since = f"--since {quoted([args.folder])}{trust} --out {second}"
-        print(f"\nonce recorded as LOG: pamid diagnose LOG {since}, with the same --columns")
+        print(f"\nonce recorded as LOG: {_following(args, history)}")
     note(args, f"took {time.perf_counter() - started:.0f} s, {plan.designs} designs looked at")
     return DONE
+
+
+def _following(args: argparse.Namespace, history: History) -> str:
+    """Return the command that continues with what was recorded."""
+    given = [
+        f" --{name} {quoted([os.path.relpath(value) if name == 'columns' else value])}"
+        for name, value in (("columns", history.columns), ("encoding", history.encoding), ("sim", args.sim))
+        if value
+    ]
+    folder, trust = Path(args.folder), " --trust" if args.trust else ""
+    out = folder.with_name(f"{re.sub(r'-[0-9]+$', '', folder.name)}-{len(history.rounds) + 1}")
+    return f"pamid diagnose LOG --since {quoted([folder])}{''.join(given)}{trust} --out {quoted([out])}"
 
 
 def _planned(args: argparse.Namespace, history: History, step: Callable[[str], None]) -> Plan:

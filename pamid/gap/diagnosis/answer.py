@@ -11,6 +11,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.significance import excess
+from ..inference.so_far import in_words
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
 from ..settings import FALSE_ALARM, MATERIAL
@@ -228,7 +229,7 @@ def _beginnings(evidence: ResidualSource, spec: Mapping[str, Mapping[str, float]
     return [
         f"The state of {name} at the beginning of a run is not in the log: it was fitted in each run, and is not part "
         "of the corrected simulator, whose runs begin at rest."
-        for name in (n.replace("_", " ") for n in found)
+        for name in map(in_words, found)
     ]
 
 

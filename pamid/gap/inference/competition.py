@@ -14,7 +14,7 @@ from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
 from .sensitivity import Template, has_form
-from .so_far import INTERRUPTED, causes_so_far, stopped
+from .so_far import INTERRUPTED, causes_so_far, in_words, stopped
 from .subsets import Subset, Subsets
 
 ROUNDS = 3
@@ -32,8 +32,11 @@ class Competition(FirstOrder):
         library: Sequence[str],
         progress: Callable[[str], None] | None = None,
         known: Mapping[str, Sequence[Template]] | None = None,
+        apart: Mapping[str, Sequence[tuple[str, str]]] | None = None,
+        close: Sequence[str] = (),
     ) -> None:
         super().__init__(evidence, library, progress, known)
+        self._apart, self._close = apart or {}, close
         self._done: dict[frozenset[str], Hypothesis] = {frozenset(): self.base}
         self.interrupted = False
         self._told = self.base
@@ -65,7 +68,7 @@ class Competition(FirstOrder):
                 for subset in screen.contenders[:1]:
                     self._refitted(screen.about, subset, self.base)
                 raise KeyboardInterrupt
-            best = self._begun(screen.about, screen.contenders)
+            best = self._begun(screen.about, [*self._close_somewhere(screen), *screen.contenders])
             best, alternatives = self._settled(best)
         except KeyboardInterrupt as stop:
             stopped(stop)
@@ -75,6 +78,16 @@ class Competition(FirstOrder):
             best = max([*some, self._told], key=self._ranked)
             alternatives = {name: self._in_place(best, name) for name in best.fit.spec}
         return self._outcome(best, screen.singles, alternatives)
+
+    def _close_somewhere(self, screen: Screen) -> list[Subset]:
+        """Return the effects that may each be the cause in a part of the log, and are no contenders in all of it."""
+        if screen.about is None or not (self._close and self.evidence.bends):
+            return []
+        seen = {self.templates[s.templates[0]].effect for s in screen.contenders if len(s.templates) == 1}
+        gains, place = screen.about.gains(screen.about.fit(())), dict[str, int]()
+        for t in np.argsort(-gains, kind="stable"):
+            place.setdefault(self.templates[t].effect, int(t))
+        return [screen.about.fit((place[name],)) for name in self._close if name in place and name not in seen]
 
     def _begun(self, about: Subsets, contenders: Sequence[Subset]) -> Hypothesis:
         """Refit the sets of effects that may be the best, and return that one."""
@@ -93,15 +106,29 @@ class Competition(FirstOrder):
             gain = self._ranked(best)[1] - self.base.score
             alone = self.evidence.bends and len(subset.templates) == 1
             if best is self.base or alone or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
-                self.say("refit with " + ", ".join(self.templates[t].effect for t in subset.templates))
+                self.say("refit with " + ", ".join(in_words(self.templates[t].effect) for t in subset.templates))
                 behind = -np.inf
-                if alone and best is not self.base:
+                if (
+                    alone and best is not self.base and not self._apart
+                ):  # one size fits badly where each day has its own
                     behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0)
                 trial = self._refitted(about, subset, self.base, behind=behind)
                 tried.append(names)
-                best = max(best, self._purged(trial), key=self._ranked)
+                best = max(best, self._purged(trial), *self._parted(trial, best), key=self._ranked)
                 self._tell(best)
         return best
+
+    def _parted(self, h: Hypothesis, best: Hypothesis) -> list[Hypothesis]:
+        """Return an effect refitted with a size of its own before and after each border between days.
+
+        Where effects bend, what each day needs is not seen to first order: it begins at the size that all days share.
+        """
+        (name, values), *more = h.fit.spec.items() or [("", {})]
+        if more or not self.evidence.bends or self.enough(h):
+            return []
+        behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(best.score - self.base.score, 0.0)
+        pairs = [pair for pair in self._apart.get(name, ()) if set(pair) <= set(self.usable)]
+        return [self._refined({part: dict(values) for part in pair}, h, behind) for pair in pairs]
 
     def _settled(self, best: Hypothesis) -> tuple[Hypothesis, dict[str, list[Hypothesis]]]:
         """Return the best set near one, with possible replacements of its causes."""
@@ -267,7 +294,7 @@ class Competition(FirstOrder):
             if self.evidence.bends and frozenset({*keep, name}) in self._done:
                 found.append(self._done[frozenset({*keep, name})])
                 continue
-            self.say(f"refit with {name}")
+            self.say(f"refit with {in_words(name)}")
             # Sets that promise far less once linearised at their start are dropped.
             behind = at.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0) if self.evidence.bends else -np.inf
             found.append(self._refitted(about, about.fit((place[name],)), at, keep, behind))

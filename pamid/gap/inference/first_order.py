@@ -11,6 +11,7 @@ from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, GRID, KEPT, MOST_CAUSES,
 from .gauss_newton import Fit, slots_of
 from .hypotheses import Hypothesis, Screen, Single, contenders
 from .sensitivity import Template, relinearised, templates
+from .so_far import in_words
 from .subsets import Subset, Subsets
 from .worth import Worth
 
@@ -30,7 +31,7 @@ class FirstOrder(Worth):
         self.templates: list[Template] = []
         for name in library:
             if known is None or name not in known:
-                self.say(f"sensitivity to {name}")
+                self.say(f"sensitivity to {in_words(name)}")
                 self.templates += templates(evidence, name)
             else:
                 self.templates += known[name]

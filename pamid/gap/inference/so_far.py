@@ -44,15 +44,21 @@ def alone_so_far(singles: Mapping[str, Single]) -> SoFar:
     first = [name for name in sorted(singles, key=lambda n: -singles[n].gain) if singles[name].gain > 0.0][:_MOST]
     if not first:
         return SoFar("no effect explains more than it costs by itself")
-    named = ", ".join(f"{_said(name)} {singles[name].closed:.0%}" for name in first)
+    named = ", ".join(f"{in_words(name)} {singles[name].closed:.0%}" for name in first)
     return SoFar(f"by itself and to first order closes most: {named}")
 
 
 def causes_so_far(names: Sequence[str], closed: float) -> SoFar:
     """Return the best set of causes so far, and the share of the gap that it closes."""
-    return SoFar(f"{' and '.join(map(_said, names))}, which closes {closed:.0%}")
+    return SoFar(f"{' and '.join(map(in_words, names))}, which closes {closed:.0%}")
 
 
-def _said(name: str) -> str:
-    effect, _, port = name.partition("@")
-    return effect.replace("_", " ") + (f" at {port}" if port else "")
+def in_words(name: str) -> str:
+    """Return the name of an effect, its port and the logs in which it acts as a person writes them."""
+    effect, *places = name.split("@")
+    words = [effect.replace("_", " ")]
+    for place in places:
+        when, _, log = place.partition(" ")
+        some = {"from": f"from log {log} on", "until": f"until log {log}"}
+        words.append(some.get(when, f"at {place}"))
+    return " ".join(words)

@@ -34,7 +34,8 @@ def merged(
     for log, fit in zip(stack.logs, fits, strict=True):
         deviations = dict(zip(log.evidence.free, map(float, fit.x), strict=True))
         logs.append(LogFinding(log.name, log.day, 0, 0, {}, estimates(log.evidence, fit), deviations))
-    changes = [c for name in spec if (c := _change(name, logs, competition, verdict, variants)) is not None]
+    parts = {(variants.plain(name), when[1]): name for name in spec if (when := variants.when(name)) is not None}
+    changes = [_change(name, logs, competition, verdict, variants) for name in parts.values()]
     last = stack.logs[-1].evidence
     corrected = last.corrected(fits[-1].spec, dict(zip(last.free, map(float, fits[-1].x), strict=True)))
     x = stack.deviations_in(len(stack.logs) - 1, np.array([found.deviations.get(n, 0.0) for n in stack.free]))
@@ -82,11 +83,10 @@ def _together(
 
 def _change(
     name: str, logs: Sequence[LogFinding], competition: Competition, verdict: Verdict, variants: Variants
-) -> Change | None:
-    """Return how a cause changed, if it is one that acts in some logs only."""
+) -> Change:
+    """Return how a cause changed that acts in some logs only."""
     when = variants.when(name)
-    if when is None:
-        return None
+    assert when is not None
     how, since = when
     plain = variants.plain(name)
     place = [f.log for f in logs].index(since)
@@ -98,15 +98,19 @@ def _change(
     if np.isfinite(before) and np.isfinite(after):
         how = "grows" if abs(after) > abs(before) else "shrinks"
     best = verdict.outcome.best
-    score = _without_change(best, name, plain, competition)
+    score = _without_change(best, name, since, competition, variants)
     return Change(plain, how, since, before, after, main, known[main].unit, float(best.score - score))
 
 
-def _without_change(best: Hypothesis, name: str, plain: str, competition: Competition) -> float:
-    """Return the evidence of the same causes, one of them the same in all logs."""
-    spec = {k: dict(v) for k, v in best.fit.spec.items() if k != name}
-    if plain not in spec:
-        spec[plain] = dict(best.fit.spec[name])
+def _without_change(best: Hypothesis, name: str, since: str, competition: Competition, variants: Variants) -> float:
+    """Return the evidence of the same causes, one of them without its change at a border."""
+    plain = variants.plain(name)
+    spec = {
+        k: dict(v)
+        for k, v in best.fit.spec.items()
+        if variants.plain(k) != plain or (variants.when(k) or ("", ""))[1] != since
+    }
+    spec.setdefault(plain, dict(best.fit.spec[name]))
     return competition.hypothesis(competition.fitter.refine(spec, near=best.fit.x)).score
 
 
@@ -133,22 +137,29 @@ def _causes(causes: Sequence[Cause], logs: Sequence[LogFinding], variants: Varia
     """Return each cause once, its parameters those of all logs, or of the last in which it acts."""
     found: dict[str, Cause] = {}
     for cause in causes:
-        names = tuple(dict.fromkeys(variants.plain(e) for e in cause.effects))
-        first = names[0]
+        each = _each(cause, variants)
+        first = next(iter(each))
         if first in found:
             old = found[first]
             ci = (old.share_ci90[0] + cause.share_ci90[0], old.share_ci90[1] + cause.share_ci90[1])
-            found[first] = replace(
+            each = _each(old, variants) | {k: v for k, v in each.items() if k not in old.effects}
+            cause = replace(
                 old,
-                effects=tuple(dict.fromkeys([*old.effects, *names])),
                 confidence=max(old.confidence, cause.confidence),
                 share=min(old.share + cause.share, 1.0),
                 share_ci90=(min(ci[0], 1.0), min(ci[1], 1.0)),
                 parameters=_last(first, logs) or old.parameters,
             )
-        else:
-            found[first] = replace(cause, effects=names)
+        found[first] = replace(cause, effects=tuple(each), others=tuple(each.values())[1:])
     return sorted(found.values(), key=lambda c: -c.share)
+
+
+def _each(cause: Cause, variants: Variants) -> dict[str, dict[str, ParameterEstimate]]:
+    """Return the effects of a class, each once, with the parameters of its likeliest form."""
+    found: dict[str, dict[str, ParameterEstimate]] = {}
+    for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True):
+        found.setdefault(variants.plain(name), parameters)
+    return found
 
 
 def _rivals(rivals: Sequence[Rival], stack: StackedEvidence, variants: Variants) -> list[Rival]:

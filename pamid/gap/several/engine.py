@@ -85,10 +85,11 @@ def together(
     random_state: np.random.RandomState,
     say: Callable[[str], None],
     searched: Sequence[Log] = (),
+    close: Sequence[str] = (),
 ) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
     """Return the joint diagnosis of logs, with each log's parameters, the decision if any, and the stacked evidence.
 
-    Causes are searched in parts of the logs where these are given.
+    Causes are searched in parts of the logs where these are given; `close` may be the cause in one of the logs.
     """
     from threadpoolctl import threadpool_limits
 
@@ -99,7 +100,7 @@ def together(
         return untested(stack, library, notes), None, stack
     with threadpool_limits(1):
         part = StackedEvidence(searched, variants) if searched else stack
-        competition = Competition(part, variants.library, say)
+        competition = Competition(part, variants.library, say, apart=variants.apart, close=close)
         verdict = decide(competition, competition.run(), random_state)
         say("measure the closure")
         found = answer(stack, competition, verdict, notes, random_state, say)

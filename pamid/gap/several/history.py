@@ -87,6 +87,10 @@ class History:
         Explanations that the last diagnosis left.
     page : str, default=""
         The file that a simulator with ports was read from, so that a later command finds it.
+    columns : str, default=""
+        The mapping that the last log was read with, for a later log.
+    encoding : str, default=""
+        Its encoding, where it was given.
 
     Examples
     --------
@@ -103,6 +107,8 @@ class History:
     rounds: list[Round] = field(default_factory=list)
     rivals: list[Rival] = field(default_factory=list)
     page: str = ""
+    columns: str = ""
+    encoding: str = ""
 
     def add(self, found: Answered, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
         """Add further logs and the diagnosis of all of them."""
@@ -112,18 +118,15 @@ class History:
         found.rounds, found.history = list(self.rounds), self
         self.rivals = list(found.rivals)
 
-    def _where(self, folder: Path) -> dict[str, str]:
-        return {"page": os.path.relpath(self.page, folder.resolve())} if self.page else {}
-
-    def write(self, folder: str | Path) -> None:
-        """Write the basis of a later diagnosis into a folder."""
+    def write(self, folder: str | Path, home: str | Path | None = None) -> None:
+        """Write the basis of a later diagnosis into a folder, which is moved to `home` where that is another one."""
         import pandas as pd
 
-        folder = Path(folder)
-
+        folder, home = Path(folder), Path(home or folder)
         state = {
             "schema": SCHEMA,
-            "simulator": {**self.simulator.identity(), **self._where(folder)},
+            "simulator": {**self.simulator.identity(), **_seen_from(home, page=self.page)},
+            "read": {**_seen_from(home, columns=self.columns), "encoding": self.encoding},
             "library": {name: fingerprint(name) for name in self.library},
             "logs": [
                 {"name": name, "day": c.day, "conditions": c.numbers, "rows": len(self.logs[name])}
@@ -136,6 +139,11 @@ class History:
         pd.concat(parts, ignore_index=True).to_parquet(folder / LOGS, index=False)
         state["mark"] = _mark(state, folder / LOGS)
         (folder / STATE).write_text(json.dumps(state, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _seen_from(folder: Path, **files: str) -> dict[str, str]:
+    """Return the paths of files as seen from a folder, which may travel with them."""
+    return {name: os.path.relpath(file, folder.resolve()) for name, file in files.items() if file}
 
 
 def read_history(
@@ -203,7 +211,8 @@ def read_history(
         )
     try:
         then = state["simulator"]
-        page = str(path / then["page"]) if then.get("page") else ""
+        said = state.get("read", {})
+        page, columns = (os.path.normpath(path / p) if p else "" for p in (then.get("page"), said.get("columns")))
         held = {str(e["name"]): Conditions(dict(e["conditions"]), str(e["day"])) for e in state["logs"]}
         rounds = [_read_round(r) for r in state["rounds"]]
         rivals = [_rival(r) for r in state["rivals"]]
@@ -227,7 +236,7 @@ def read_history(
             "the simulator and library of the earlier diagnosis, whose posterior is the prior of this one",
             "Take the earlier simulator, or diagnose all logs anew without --since.",
         )
-    return History(now, list(library), logs, held, rounds, rivals, page)
+    return History(now, list(library), logs, held, rounds, rivals, page, columns, str(said.get("encoding", "")))
 
 
 def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnySimulator] | None) -> AnySimulator:

@@ -13,6 +13,7 @@ from ...simulators.base import Simulator
 from ...simulators.catalogue import chosen
 from ...simulators.sizes import SignalSizes
 from ..diagnosis.result import Diagnosis
+from ..inference.first_order import FirstOrder
 from ..readings import settled
 from ..residuals.ports import PortEvidence
 from ..simulated import evidence_of, learn, outward
@@ -45,13 +46,16 @@ def diagnose_port_logs(
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
         say("estimate what could be explained")
+        close = dict[str, None]()
         for one, some in zip(each, kept, strict=True):
-            learn(one, [k for k in library if k in some])
+            names_here = [k for k in library if k in some]
+            first = FirstOrder(one, names_here, None, learn(one, names_here).templates)
+            close |= dict.fromkeys(first.templates[s.templates[0]].effect for s in first.screen(1).contenders)
         notes = [f"The residuals are {each[0].how}."]
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
     known, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
     stacked = [Log(n, e, c.day) for n, e, c in zip(names, each, held, strict=True)]
-    found, verdict, stack = together(stacked, library, known, notes, rng, say)
+    found, verdict, stack = together(stacked, library, known, notes, rng, say, close=list(close))
     if verdict is None:
         return found
     found = replace(found, logs=sized(found.logs, [(e.log.n, len(e.log.names)) for e in each], held))

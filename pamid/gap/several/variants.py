@@ -41,11 +41,14 @@ class Variants:
         borders = [k for k in range(1, n) if days[k] != days[k - 1]]
         self.odds = float(np.log(CHANGES / (1.0 - CHANGES) / (2.0 * max(len(borders), 1))))
         """Logarithm of the odds with which an effect acts in some of the logs."""
+        self.apart: dict[str, list[tuple[str, str]]] = {}
+        """The two halves of each effect about each border, before and after it."""
         if 0 < len(borders) < MOST_DAYS:
             for name in library:
-                for k in borders:
-                    for key, where in ((f"{name}{FROM}{k + 1}", range(k, n)), (f"{name}{UNTIL}{k}", range(k))):
-                        self.names[key], self._acts[key] = name, where
+                self.apart[name] = [(f"{name}{UNTIL}{k}", f"{name}{FROM}{k + 1}") for k in borders]
+                for k, (before, after) in zip(borders, self.apart[name], strict=True):
+                    self.names |= {after: name, before: name}
+                    self._acts |= {after: range(k, n), before: range(k)}
         self.library = [*library, *self.names]
         self.effects = {**known, **{key: known[name] for key, name in self.names.items()}}
         """The effects of the library, and those that act in some of the logs, by name."""
