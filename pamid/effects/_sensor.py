@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 
 from ..signals.roles import ROLES
@@ -10,12 +12,56 @@ from ._delay import delayed_rows, shift
 from ._memory import relax, relax_along
 from .base import Effect, Signals
 from .plant import Plant
+from .values import Parameter
 
 ROLE = {channel: ROLES[channel] for channel in ("q", "P", "F", "mdot")}
 """The role in which each channel's true value reaches a sensor's memory."""
 
 
-class Bias(Effect):
+class SensorFault(Effect):
+    """A fault of a sensor."""
+
+    family = "sensor"
+    source = "10.1007/3-540-30368-5"
+
+
+class OfForce(SensorFault):
+    """Of a load cell."""
+
+    equations = ("force", "joint")
+    channel = "F"
+    roles = ("force",)
+
+
+class OfFlow(SensorFault):
+    """Of a flow meter."""
+
+    equations = ("flow", "valve")
+    channel = "mdot"
+    roles = ("flow",)
+
+
+class OfPressure(SensorFault):
+    """Of a pressure sensor."""
+
+    equations = ("force", "flow", "valve")
+    channel = "P"
+    roles = ("pressure",)
+
+
+class OfAngle(SensorFault):
+    """Of an encoder."""
+
+    equations = ("force", "flow", "joint")
+    channel = "q"
+    site = "joint"
+    roles = ("position",)
+
+
+SECOND = Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first")
+
+
+class Bias(SensorFault):
     """A constant added to every reading: parameter ``offset``."""
 
     offset: float
@@ -33,9 +79,12 @@ class Bias(Effect):
         return reading - self.offset
 
 
-class Gain(Effect):
+class Gain(SensorFault):
     """Every reading too large or too small by a factor: parameter ``deviation``."""
 
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("deviation", "-", -0.5, 0.5, 0.02, "relative deviation of the reading", linear=True),
+    )
     deviation: float
     zero: float = 0.0
 
@@ -52,7 +101,7 @@ class Gain(Effect):
         return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
 
 
-class Lag(Effect):
+class Lag(SensorFault):
     """A reading that follows with a lag, of second order with a second one: ``time_constant``, ``second``."""
 
     time_constant: float
@@ -97,7 +146,7 @@ class Lag(Effect):
         return out
 
 
-class Delay(Effect):
+class Delay(SensorFault):
     """A reading that comes late: parameter ``delay``."""
 
     delay: float

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ..signals.state import Array
-from ._stop import RATIOS, stopped, stops_along, stops_at
-from .base import Effect, Signals
+from ._laws import Stops
+from ._stop import RATIOS
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
 
-class ActuatorHysteresis(Effect):
+class ActuatorHysteresis(Stops):
     r"""Prandtl–Ishlinskii operator in the command: a piezo or a magnet lags behind its drive at any speed.
 
     .. math:: u' = u - \sum_{i=1}^{3} w_i\, r_i\, z_i, \qquad
@@ -27,13 +26,12 @@ class ActuatorHysteresis(Effect):
     """
 
     name = "actuator_hysteresis"
-    family = "hysteresis"
     equations = ("valve",)
+    of = "command"
     roles = ("command",)
     kinds = ("motor",)
     prior = -2.0  # one play, or a lag, is the simpler model
     source = "10.3166/ejc.9.407-418"
-    n_states = len(RATIOS)
     sampled = True
     parameters = (
         Parameter("narrow", "-", -1.0, 1.0, 0.1, "share that the narrow stop holds back", linear=True),
@@ -44,19 +42,6 @@ class ActuatorHysteresis(Effect):
     narrow: float
     middle: float
     wide: float
-    width: float
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return stops in the middle of their range."""
-        return stops_at(np.asarray(s.command, dtype=float))
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Move the stops by the change of the command between the two instants."""
-        return stopped(x, s1.command - s0.command, self.width)
-
-    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the stops along each run, without a loop over time."""
-        return stops_along(s.command, self.width, starts)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command less what the stops hold back."""

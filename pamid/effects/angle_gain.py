@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from ._sensor import Gain
-from .values import Parameter
+from ._sensor import Gain, OfAngle
 
 
-class AngleGain(Gain):
+class AngleGain(OfAngle, Gain):
     r"""An encoder with a wrong scale.
 
     .. math:: q' = (1 + \delta)\,q
@@ -18,11 +17,3 @@ class AngleGain(Gain):
     """
 
     name = "angle_gain"
-    family = "sensor"
-    equations = ("force", "flow", "joint")
-    channel = "q"
-    site = "joint"
-    roles = ("position",)
-    source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("deviation", "-", -0.5, 0.5, 0.02, "relative deviation of the reading", linear=True),)
-    deviation: float

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from .base import Effect
+from ._laws import Deviation
 from .values import Parameter
 
 
-class BraidAngle(Effect):
+class BraidAngle(Deviation):
     r"""A braid wound at another angle. θ₀ → θ₀ (1 + δ).
 
     Parameters
@@ -20,10 +18,6 @@ class BraidAngle(Effect):
     name = "braid_angle"
     family = "geometry"
     equations = ("force", "flow")
+    of = "braid_angle"
     source = "10.1109/70.481753"
     parameters = (Parameter("deviation", "-", -0.3, 0.3, 0.1, "relative deviation of the braid angle"),)
-    deviation: float
-
-    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the changed braid angle."""
-        return {"braid_angle": values["braid_angle"] * (1.0 + self.deviation)}

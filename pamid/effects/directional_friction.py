@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import dahl
-from .base import Effect, Signals
+from ._laws import PRESLIDING, Bristles
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
 
-class DirectionalFriction(Effect):
+class DirectionalFriction(Bristles):
     r"""Dry friction of a seal, a lip or a gear that differs forwards and backwards, and changes with pressure.
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
@@ -27,14 +27,10 @@ class DirectionalFriction(Effect):
     """
 
     name = "directional_friction"
-    family = "friction"
-    equations = ("force",)
     roles = ("position", "pressure")
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # friction alike in both directions is the simpler one
     source = "10.1016/0005-1098(94)90209-7"
-    n_states = 1
-    path_dependent = True
     parameters = (
         Parameter("forward", "N", 0.0, 1e4, 4.0, "sliding friction while the position grows", linear=True),
         Parameter("backward", "N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True, unlike="forward"),
@@ -49,21 +45,12 @@ class DirectionalFriction(Effect):
             linear=True,
             unlike="forward_per_pressure",
         ),
-        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),
+        PRESLIDING,
     )
     forward: float
     backward: float
     forward_per_pressure: float
     backward_per_pressure: float
-    presliding: float
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return bristles at zero deflection."""
-        return np.zeros((1, *np.shape(s.position)))
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Bend the bristles by the displacement between the two instants."""
-        return dahl(x, s1.position - s0.position, self.presliding)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the friction of the direction in which the bristles are bent, N."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Bias
+from ._sensor import Bias, OfFlow
 from .values import Parameter
 
 
-class FlowBias(Bias):
+class FlowBias(OfFlow, Bias):
     r"""A flow meter with an offset.
 
     .. math:: \dot m' = \dot m + \dot m_0
@@ -18,11 +18,4 @@ class FlowBias(Bias):
     """
 
     name = "flow_bias"
-    family = "sensor"
-    equations = ("flow", "valve")
-    channel = "mdot"
-    site = "muscle"
-    roles = ("flow",)
-    source = "10.1007/3-540-30368-5"
     parameters = (Parameter("offset", "kg/s", -1e-3, 1e-3, 1e-5, "offset of the reading", linear=True),)
-    offset: float

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Lag
+from ._sensor import SECOND, Lag, OfFlow
 from .values import Parameter
 
 
-class FlowLag(Lag):
+class FlowLag(OfFlow, Lag):
     r"""A flow meter that lags.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = \dot m - x, \qquad
@@ -21,15 +21,7 @@ class FlowLag(Lag):
     """
 
     name = "flow_lag"
-    family = "sensor"
-    equations = ("flow", "valve")
-    channel = "mdot"
-    site = "muscle"
-    roles = ("flow",)
-    source = "10.1007/3-540-30368-5"
     parameters = (
         Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the meter"),
-        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+        SECOND,
     )
-    time_constant: float
-    second: float

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Bias
+from ._sensor import Bias, OfForce
 from .values import Parameter
 
 
-class ForceBias(Bias):
+class ForceBias(OfForce, Bias):
     r"""A load cell with an offset.
 
     .. math:: F' = F + F_0
@@ -18,11 +18,4 @@ class ForceBias(Bias):
     """
 
     name = "force_bias"
-    family = "sensor"
-    equations = ("force", "joint")
-    channel = "F"
-    site = "muscle"
-    roles = ("force",)
-    source = "10.1007/3-540-30368-5"
     parameters = (Parameter("offset", "N", -500.0, 500.0, 3.0, "offset of the reading", linear=True),)
-    offset: float

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from ._sensor import Gain
-from .values import Parameter
+from ._sensor import Gain, OfForce
 
 
-class ForceGain(Gain):
+class ForceGain(OfForce, Gain):
     r"""A load cell with a wrong sensitivity.
 
     .. math:: F' = (1 + \delta)\,F
@@ -18,11 +17,3 @@ class ForceGain(Gain):
     """
 
     name = "force_gain"
-    family = "sensor"
-    equations = ("force", "joint")
-    channel = "F"
-    site = "muscle"
-    roles = ("force",)
-    source = "10.1007/3-540-30368-5"
-    parameters = (Parameter("deviation", "-", -0.5, 0.5, 0.02, "relative deviation of the reading", linear=True),)
-    deviation: float

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Lag
+from ._sensor import SECOND, Lag, OfForce
 from .values import Parameter
 
 
-class ForceLag(Lag):
+class ForceLag(OfForce, Lag):
     r"""A load cell behind a slow amplifier.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = F - x, \qquad
@@ -21,15 +21,7 @@ class ForceLag(Lag):
     """
 
     name = "force_lag"
-    family = "sensor"
-    equations = ("force", "joint")
-    channel = "F"
-    site = "muscle"
-    roles = ("force",)
-    source = "10.1007/3-540-30368-5"
     parameters = (
         Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the amplifier"),
-        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+        SECOND,
     )
-    time_constant: float
-    second: float

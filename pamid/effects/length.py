@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from .base import Effect
+from ._laws import Deviation
 from .values import Parameter
 
 
-class Length(Effect):
+class Length(Deviation):
     r"""A muscle longer or shorter than its drawing. L₀ → L₀ (1 + δ).
 
     Parameters
@@ -20,10 +18,6 @@ class Length(Effect):
     name = "length"
     family = "geometry"
     equations = ("force", "flow")
+    of = "rest_length"
     source = "10.1109/70.481753"
     parameters = (Parameter("deviation", "-", -0.5, 1.0, 0.1, "relative deviation of the rest length"),)
-    deviation: float
-
-    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the changed rest length."""
-        return {"rest_length": values["rest_length"] * (1.0 + self.deviation)}

@@ -5,15 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import branches_along, branches_at, branches_relax, mostly_lasting
-from .base import Effect, Signals
+from ._laws import Branches
+from ._memory import mostly_lasting
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
-_RATIOS = (0.1, 1.0, 10.0)
 
-
-class Maxwell(Effect):
+class Maxwell(Branches):
     r"""Generalised Maxwell model: three springs, each behind a damper, a decade of time apart.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} k_i\,(x - x_i), \qquad \tau_i\,\dot x_i = x - x_i, \qquad
@@ -26,14 +25,13 @@ class Maxwell(Effect):
     """
 
     name = "maxwell"
-    family = "viscoelasticity"
-    equations = ("force",)
+    of = "position"
+    ratios = (0.1, 1.0, 10.0)
     roles = ("position",)
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # two springs, creep, are the simpler model
-    source = "10.1007/978-3-642-73602-5"
-    n_states = len(_RATIOS)
-    fastest = min(_RATIOS)
+    n_states = 3
+    fastest = min(ratios)
     parameters = (
         Parameter("fast", "N", 0.0, 1e5, 50.0, "stiffness of the fast branch", linear=True, position=-1),
         Parameter("middle", "N", 0.0, 1e5, 50.0, "stiffness of the middle branch", linear=True, position=-1),
@@ -43,23 +41,6 @@ class Maxwell(Effect):
     fast: float
     middle: float
     slow: float
-    time_constant: float
-
-    @property
-    def _taus(self) -> list[float]:
-        return [ratio * self.time_constant for ratio in _RATIOS]
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return relaxed branches."""
-        return branches_at(s.position, len(_RATIOS))
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Relax towards the position."""
-        return branches_relax(x, s0.position, s1.position, dt, self._taus)
-
-    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the branches along each run, without a loop over time."""
-        return branches_along(s.position, dt, self._taus, starts)
 
     def elastic(self, seconds: float) -> bool:
         """Return whether most of the stiffness does not relax."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from ..signals.paths import Path
 from ..signals.state import Array
-from ._stop import RATIOS, stopped, stops_along, stops_at, stops_force
-from .base import Effect, Signals
+from ._laws import Stops
+from ._stop import stops_along, stops_force
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
 
-class PrandtlIshlinskii(Effect):
+class PrandtlIshlinskii(Stops):
     r"""Prandtl–Ishlinskii operator: elastic stops of three widths, whose weights may change with the position.
 
     .. math:: \Delta y = -\sum_{i=1}^{3} (w_i + v_i\,x)\,z_i, \qquad
@@ -26,13 +27,12 @@ class PrandtlIshlinskii(Effect):
     """
 
     name = "prandtl_ishlinskii"
-    family = "hysteresis"
     equations = ("force",)
+    of = "position"
     roles = ("position",)
     kinds = ("actuator",)
     prior = -2.0  # elements alike, or spread evenly, are the simpler model
     source = "10.3166/ejc.9.407-418"
-    n_states = len(RATIOS)
     path_dependent = True
     parameters = (
         Parameter("narrow", "N", -1e3, 1e4, 2.0, "weight of the narrow stop", linear=True),
@@ -49,15 +49,6 @@ class PrandtlIshlinskii(Effect):
     narrow_slope: float
     middle_slope: float
     wide_slope: float
-    width: float
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return stops in the middle of their range."""
-        return stops_at(s.position)
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Move the stops by the displacement between the two instants."""
-        return stopped(x, s1.position - s0.position, self.width)
 
     def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
         """Return the stops along a path, without a loop over its turns."""

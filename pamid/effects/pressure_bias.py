@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Bias
+from ._sensor import Bias, OfPressure
 from .values import Parameter
 
 
-class PressureBias(Bias):
+class PressureBias(OfPressure, Bias):
     r"""A pressure sensor with an offset.
 
     .. math:: P' = P + P_0
@@ -18,11 +18,4 @@ class PressureBias(Bias):
     """
 
     name = "pressure_bias"
-    family = "sensor"
-    equations = ("force", "flow", "valve")
-    channel = "P"
-    site = "muscle"
-    roles = ("pressure",)
-    source = "10.1007/3-540-30368-5"
     parameters = (Parameter("offset", "Pa", -1.2e5, 1.2e5, 2e3, "offset of the reading", linear=True),)
-    offset: float

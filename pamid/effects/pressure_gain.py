@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from ._sensor import Gain
+from ._sensor import Gain, OfPressure
 from .values import Parameter
 
 
-class PressureGain(Gain):
+class PressureGain(OfPressure, Gain):
     r"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure unless stated otherwise.
 
     .. math:: P' = P + \delta\,(P - P_0)
@@ -20,15 +20,7 @@ class PressureGain(Gain):
     """
 
     name = "pressure_gain"
-    family = "sensor"
-    equations = ("force", "flow", "valve")
-    channel = "P"
-    site = "muscle"
-    roles = ("pressure",)
-    source = "10.1007/3-540-30368-5"
     parameters = (
         Parameter("deviation", "-", -0.5, 0.5, 0.02, "deviation of the pressure from the zero", linear=True),
         Parameter("zero", "Pa", 0.0, 1.2e5, ATMOSPHERIC_PRESSURE, "pressure at which the reading is right"),
     )
-    deviation: float
-    zero: float

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from ..signals.state import Array
-from ._stop import RATIOS, stopped, stops_along, stops_at, stops_force
-from .base import Effect, Signals
+from ._laws import Stops
+from ._stop import stops_force
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
 
-class PressureHysteresis(Effect):
+class PressureHysteresis(Stops):
     r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder resist both filling and venting.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} (w_i + v_i\,\varepsilon)\,z_i, \qquad
@@ -31,12 +32,11 @@ class PressureHysteresis(Effect):
     """
 
     name = "pressure_hysteresis"
-    family = "hysteresis"
     equations = ("force",)
+    of = "pressure"
     roles = ("position", "pressure")
     kinds = ("muscle",)
     source = "10.1109/TMECH.2009.2038373"
-    n_states = len(RATIOS)
     parameters = (
         Parameter("narrow", "N", -1e3, 1e4, 0.0, "weight of the narrow stop", linear=True),
         Parameter("middle", "N", -1e3, 1e4, 5.0, "weight of the middle stop", linear=True),
@@ -52,19 +52,6 @@ class PressureHysteresis(Effect):
     narrow_growth: float
     middle_growth: float
     wide_growth: float
-    width: float
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return stops in the middle of their range."""
-        return stops_at(s.pressure)
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Move the stops by the change of pressure between the two instants."""
-        return stopped(x, s1.pressure - s0.pressure, self.width)
-
-    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the stops along each run, without a loop over time."""
-        return stops_along(s.pressure, self.width, starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return what the stops hold back, N."""

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from ._sensor import Lag
+from ._sensor import SECOND, Lag, OfPressure
 from .values import Parameter
 
 
-class PressureLag(Lag):
+class PressureLag(OfPressure, Lag):
     r"""A pressure sensor that lags, for instance behind a tube.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = P - x, \qquad
@@ -21,15 +21,7 @@ class PressureLag(Lag):
     """
 
     name = "pressure_lag"
-    family = "sensor"
-    equations = ("force", "flow", "valve")
-    channel = "P"
-    site = "muscle"
-    roles = ("pressure",)
-    source = "10.1007/3-540-30368-5"
     parameters = (
         Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of sensor and tube"),
-        Parameter("second", "-", 0.0, 1.0, 0.0, "second lag as a share of the first"),
+        SECOND,
     )
-    time_constant: float
-    second: float

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._memory import dahl
-from .base import Effect, Signals
+from ._laws import PRESLIDING, Bristles
+from .base import Signals
 from .plant import Plant
 from .values import Parameter
 
 
-class TorqueLoss(Effect):
+class TorqueLoss(Bristles):
     r"""Share of the transmitted force that is lost; a different share where the load drives the motor.
 
     .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \eta_d \text{ where } F z > 0, \text{ else } \eta_b
@@ -30,29 +30,16 @@ class TorqueLoss(Effect):
     """
 
     name = "torque_loss"
-    family = "friction"
-    equations = ("force",)
     roles = ("position", "pressure", "force")
     kinds = ("joint", "motor")
     source = "10.48550/arXiv.2410.08650"
-    n_states = 1
-    path_dependent = True
     parameters = (
         Parameter("driving", "-", 0.0, 1.0, 0.1, "share lost while the motor moves the load", linear=True),
         Parameter("driven", "-", 0.0, 1.0, 0.05, "share lost while the load moves the motor", linear=True),
-        Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1),
+        PRESLIDING,
     )
     driving: float
     driven: float
-    presliding: float
-
-    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return bristles at zero deflection."""
-        return np.zeros((1, *np.shape(s.position)))
-
-    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
-        """Bend the bristles by the displacement between the two instants."""
-        return dahl(x, s1.position - s0.position, self.presliding)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the loss, N."""

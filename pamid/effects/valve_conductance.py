@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-from .base import Effect
+from ._laws import Deviation
 from .values import Parameter
 
 
-class ValveConductance(Effect):
+class ValveConductance(Deviation):
     r"""Another sonic conductance: C → C (1 + δ).
 
     Parameters
@@ -20,10 +18,6 @@ class ValveConductance(Effect):
     name = "valve_conductance"
     family = "valve"
     equations = ("valve",)
+    of = "sonic_conductance"
     source = "ISO 6358-1:2013"
     parameters = (Parameter("deviation", "-", -0.9, 2.0, 0.15, "relative deviation", linear=True),)
-    deviation: float
-
-    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the changed conductance."""
-        return {"sonic_conductance": values["sonic_conductance"] * (1.0 + self.deviation)}
