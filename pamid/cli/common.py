@@ -125,12 +125,6 @@ def load_simulator(path: str) -> BenchParameters:
     return BenchParameters.from_toml(path)
 
 
-def simulator_of(args: argparse.Namespace) -> BenchParameters | None:
-    """Read the simulator of a bench that the arguments name, or the one in the log's folder; None without one."""
-    path = _page_path(args)
-    return load_simulator(path) if path else None
-
-
 def any_simulator_of(args: argparse.Namespace) -> Any:
     """Read the simulator of any kind that the arguments name, or the one in the log's folder; None without one."""
     from ..any_simulator import read_simulator

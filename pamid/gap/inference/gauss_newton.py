@@ -29,8 +29,6 @@ LAID, FINAL = 24, 0.1
 """Most steps of a fit that is relinearised as it goes, and the gain that ends it."""
 PROMISED = 0.1
 """Share of what ends a fit that a step must promise to first order to be a run."""
-LOST = 300.0
-"""Log-likelihood below that without an effect at which a fit with it does not come back."""
 
 
 @dataclass(frozen=True)
@@ -168,22 +166,19 @@ class Fitter:
         spec: Spec,
         steps: int = 6,
         gain: float = 0.3,
-        least: float = -np.inf,
         near: np.ndarray | None = None,
         behind: float = -np.inf,
     ) -> Fit:
         """Fit everything, beginning from a spec."""
         x = np.zeros(self.n) if near is None else near
-        found, x = self._refined(spec, x, steps, gain, least, behind)
+        found, x = self._refined(spec, x, steps, gain, behind)
         for _ in range(ROUNDS - 1):
-            if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < max(least - LOST, behind):
+            if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < behind:
                 break
-            found, x = self._refined(found.spec, found.x, 2, gain, least, behind)
+            found, x = self._refined(found.spec, found.x, 2, gain, behind)
         return found
 
-    def _refined(
-        self, spec: Spec, x: np.ndarray, steps: int, gain: float, least: float, behind: float
-    ) -> tuple[Fit, np.ndarray]:
+    def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float, behind: float) -> tuple[Fit, np.ndarray]:
         """Fit everything with the tolerances linearised at deviations x; also return where it was linearised last."""
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
@@ -194,9 +189,7 @@ class Fitter:
         best = self._fit(_spec(slots, phi), z, x)
         damping, anew = 1.0, True
         D = moved = changed = np.zeros(0)
-        for done in range(steps):
-            if done == 3 and best.loglik < least - LOST:
-                break
+        for _ in range(steps):
             found_D, lower, upper = self.jacobian(slots, phi, z, x, None if anew else ())
             D = found_D if anew else _turned(D, moved, changed, slots)
             solved = self.linear(

@@ -250,14 +250,14 @@ class Subsets:
         return self._products[t]
 
     # --- all sets ---------------------------------------------------------------------------------------------
-    def grow(self, most: int, start: tuple[int, ...] = (), barred: frozenset[str] = frozenset()) -> list[Subset]:
+    def grow(self, most: int) -> list[Subset]:
         """Return sets of up to so many effects, the best score first, one for each set of names."""
-        first = self.fit(start)
-        found: dict[frozenset[str], Subset] = {self._names(start): first}
+        first = self.fit(())
+        found: dict[frozenset[str], Subset] = {frozenset(): first}
         beam = [first]
         while beam and len(beam[0].templates) < most:
             children: dict[frozenset[str], Subset] = {}
-            for parent, t in self._promising(beam, barred):
+            for parent, t in self._promising(beam):
                 child = self.fit((*parent.templates, t), parent)
                 if not self._of_its_own(child, parent, first):
                     continue
@@ -287,14 +287,14 @@ class Subsets:
     def _names(self, templates: tuple[int, ...]) -> frozenset[str]:
         return frozenset(self.library[t].effect for t in templates)
 
-    def _promising(self, beam: Sequence[Subset], barred: frozenset[str]) -> list[tuple[Subset, int]]:
+    def _promising(self, beam: Sequence[Subset]) -> list[tuple[Subset, int]]:
         """Return the most promising sets with one effect more, each effect at the grid point that adds most."""
         best: dict[frozenset[str], tuple[float, Subset, int]] = {}
         for parent in beam:
             gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
             for t in np.argsort(-gains, kind="stable"):
                 effect = self.library[t].effect
-                if effect in own or effect in names or effect in barred:
+                if effect in own or effect in names:
                     continue
                 own.add(effect)
                 promised = parent.score + float(gains[t]) - self.cost[effect]

@@ -12,20 +12,8 @@ half the logarithm of det(I + σ²BᵀB) is the price of that freedom.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-
-
-class Beginning(NamedTuple):
-    """What an effect may add at the beginning of a run."""
-
-    equation: str
-    """The equation."""
-    tau: float
-    """Time constant of its decay, s."""
-    size: float
-    """Its standard deviation, in the unit of the equation."""
 
 
 def without_beginnings(z: np.ndarray, columns: Sequence[np.ndarray], block: np.ndarray) -> tuple[np.ndarray, float]:

@@ -158,11 +158,9 @@ class Response:
             step = step @ step
         return np.clip(step, -_MOST, _MOST), np.clip(integral, -_MOST, _MOST) * dt
 
-    def to(self, drive: Drive, start: np.ndarray | None = None) -> np.ndarray:
+    def to(self, drive: Drive) -> np.ndarray:
         """Return by how much the states change under another drive, shape (n_states, n)."""
-        return self._followed(
-            self._change(drive), np.zeros((len(self.x), len(self.firsts))) if start is None else start
-        )
+        return self._followed(self._change(drive), np.zeros((len(self.x), len(self.firsts))))
 
     def _change(self, drive: Drive) -> np.ndarray:
         """Return by how much the rates change under another drive; for inputs alone by superposition."""
