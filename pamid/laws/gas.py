@@ -7,6 +7,7 @@ in a simulation or in the residual of a log.
 from __future__ import annotations
 
 from ..constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from ..explained import explained_by
 from ..signals.state import Array
 
 
@@ -40,6 +41,7 @@ def gas_mass(P: Array, V: Array, *, gas_constant: Array = GAS_CONSTANT, temperat
     return P * V / (gas_constant * temperature)
 
 
+@explained_by(gas_mass)
 def mass_flow(
     P: Array,
     dP: Array,
@@ -62,8 +64,6 @@ def mass_flow(
         Volume (m³) and its rate (m³/s).
     heat_capacity_ratio : float or array, default=1.4
         γ, dimensionless; 1 is an isothermal chamber, for which the flow is the rate of `gas_mass`.
-    gas_constant, temperature : float or array
-        R in J/(kg K), T in K.
 
     Returns
     -------
@@ -84,6 +84,7 @@ def mass_flow(
     return (dP * V / heat_capacity_ratio + P * dV) / (gas_constant * temperature)
 
 
+@explained_by(gas_mass, mass_flow)
 def pressure_rate(
     P: Array,
     mdot: Array,
@@ -100,14 +101,10 @@ def pressure_rate(
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Pressure, Pa, absolute.
     mdot : array, shape (n_samples,)
         Flow into the chamber, kg/s.
     V, dV : array, shape (n_samples,)
         Volume (m³) and its rate (m³/s).
-    heat_capacity_ratio, gas_constant, temperature : float or array
-        γ, R in J/(kg K), T in K.
 
     Returns
     -------
@@ -124,6 +121,7 @@ def pressure_rate(
     return heat_capacity_ratio * (gas_constant * temperature * mdot - P * dV) / V
 
 
+@explained_by(gas_mass, mass_flow)
 def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CAPACITY_RATIO) -> Array:
     r"""Quantity whose rate is the flow alone: :math:`S = P^{1/\gamma} V`.
 
@@ -136,10 +134,6 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Pressure, Pa, absolute.
-    V : array, shape (n_samples,)
-        Volume, m³.
     heat_capacity_ratio : float or array, default=1.4
         γ, dimensionless.
 
@@ -159,6 +153,7 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
     return P ** (1.0 / heat_capacity_ratio) * V
 
 
+@explained_by(pressure_rate)
 def entropic_supply(
     P: Array,
     mdot: Array,
@@ -168,15 +163,6 @@ def entropic_supply(
     temperature: Array = TEMPERATURE,
 ) -> Array:
     r"""Rate at which a flow feeds `entropic_content`: :math:`P^{1/\gamma - 1} R T\, \dot m`.
-
-    Parameters
-    ----------
-    P : array, shape (n_samples,)
-        Pressure, Pa, absolute.
-    mdot : array, shape (n_samples,)
-        Flow into the chamber, kg/s.
-    heat_capacity_ratio, gas_constant, temperature : float or array
-        γ, R in J/(kg K), T in K.
 
     Returns
     -------

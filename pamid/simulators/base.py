@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 
 from ..errors import MissingParameterError, ParameterError, UnknownParameterError
+from ..explained import explain
 from .between import Between
 from .ports import ModelParameter, Port, as_parameters
 
@@ -64,6 +65,10 @@ class Simulator:
     """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
     between: tuple[Between, ...] = ()
     """Pairs of ports between which effects may act, besides those that it couples itself."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        explain(cls)
 
     def __init__(
         self,

@@ -17,7 +17,7 @@ from .base import Simulator
 from .dimensions import powers, unit_powers
 from .laws_between import LAWS
 from .of_parameters import OF_PARAMETERS, at_parameters
-from .placement import Placement, Scales
+from .placement import Placement, Scales, narrowed
 from .placing import GAP, PASCAL, STRAIN, placed, without_pressure
 from .sizes import SignalSizes
 from .structure import rate_unit
@@ -231,7 +231,7 @@ def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: f
         if p.name == "coefficient":
             p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))
         changed.append(p)
-    return type(effect.__name__, (effect,), {"parameters": tuple(changed)})
+    return narrowed(effect, parameters=tuple(changed))
 
 
 def _temperature(unit: str) -> Unit | None:

@@ -28,8 +28,6 @@ class ControlSimulator(Simulator):
         Ports whose columns, units or starts differ from the system's own.
     parameters : mapping, optional
         None: a control system has no parameters by name.
-    effects : sequence of (str, str, mapping), optional
-        Effects that are part of it.
     source : str, default=""
         Where it was imported from, for its simulator file.
 

@@ -40,12 +40,6 @@ class EquationSimulator(FunctionSimulator):
     ----------
     equations : mapping of str to str
         Right sides by left side: ``"dh/dt"`` for the state ``h``, ``"F"`` for an output.
-    ports : sequence of Port
-        Its ports.
-    parameters : mapping, optional
-        Its numbers: values, or (value, tolerance, unit).
-    effects : sequence of (str, str, mapping), optional
-        Effects that are part of it.
 
     Raises
     ------

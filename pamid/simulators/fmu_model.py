@@ -58,8 +58,6 @@ class FmuSimulator(Simulator):
         Ports that differ from the FMU's own, and states.
     parameters : mapping, optional
         Its parameters that have a tolerance or another value.
-    effects : sequence of (str, str, mapping), optional
-        Effects that are part of it.
     trust : bool, default=False
         Whether it may run. Its description is read in any case.
     seconds : float, default=60

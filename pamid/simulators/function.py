@@ -43,16 +43,10 @@ class FunctionSimulator(Simulator):
         ``s(u, p, x0)`` the outputs of a whole run, with the times as ``u["time"]``, the last. x, u and p are read by
         name (``x["angle"]``, ``x.angle``) or by position (``x[0]``). It returns numbers in the order of the ports, or a
         mapping by name.
-    ports : sequence of Port
-        Its ports.
-    parameters : mapping, optional
-        Its numbers: values, or (value, tolerance, unit).
     output : callable, optional
         ``h(t, x, u, p)`` for a function of rates: what the output ports show.
     form : {"ode", "algebraic", "run"}, optional
         Which of the three it is; by default inferred from its arguments.
-    effects : sequence of (str, str, mapping), optional
-        Effects that are part of it.
     source : str, default=""
         Where it was imported from, for its simulator file.
 

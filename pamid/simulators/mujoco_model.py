@@ -52,8 +52,6 @@ class MujocoSimulator(Simulator):
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
         ``dof_frictionloss.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME`` and ``actuator_kv.NAME``;
         a plain number is the value itself, not a factor.
-    effects : sequence of (str, str, mapping), optional
-        Effects that are part of it.
 
     Raises
     ------

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_by
 from ..laws._backend import namespace
 from ..signals.state import Array, State
 from .base import VolumeJet
@@ -18,6 +19,7 @@ from .classical import (
     braid_factors,
     cylinder_volume,
 )
+from .functions import force
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,7 @@ class BouSabaVolume(ClassicalVolume):
         return VolumeJet(V, V0 * (a * held**self.exponent - b), 0.0 * V)
 
 
+@explained_by(force)
 def bou_saba(
     P: Array,
     eps: Array,
@@ -112,16 +115,10 @@ def bou_saba(
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Gas pressure, Pa, absolute.
-    eps : array, shape (n_samples,)
-        Contraction ratio, dimensionless.
     rest_diameter, braid_angle : float
         D₀ (m) and θ₀ (rad) at rest.
     exponent : float, default=2
         ν, dimensionless.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     Returns
     -------

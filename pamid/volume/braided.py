@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_by
 from ..signals.state import Array, State
 from .base import VolumeJet
 from .classical import (
@@ -17,6 +18,7 @@ from .classical import (
     braid_factors,
     cylinder_volume,
 )
+from .functions import force
 
 
 @dataclass(frozen=True)
@@ -73,6 +75,7 @@ class BraidedVolume(ClassicalVolume):
         return VolumeJet(V, V0 * (square - b), 0.0 * V)
 
 
+@explained_by(force)
 def chou_hannaford(
     P: Array,
     eps: Array,
@@ -88,14 +91,8 @@ def chou_hannaford(
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Gas pressure, Pa, absolute.
-    eps : array, shape (n_samples,)
-        Contraction ratio, dimensionless.
     rest_diameter, braid_angle : float
         D₀ (m) and θ₀ (rad) at rest. The length plays no part.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     Returns
     -------
@@ -104,8 +101,7 @@ def chou_hannaford(
 
     References
     ----------
-    C.-P. Chou, B. Hannaford, "Measurement and modeling of McKibben pneumatic artificial muscles", IEEE Transactions
-    on Robotics and Automation 12(1), 1996. https://doi.org/10.1109/70.481753
+    See `BraidedVolume`.
 
     Examples
     --------

@@ -6,9 +6,11 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_by
 from ..signals.state import Array, State
 from .base import VolumeJet
 from .classical import ClassicalVolume, braid_factors, cylinder_volume
+from .functions import force
 
 
 def horner(coefficients: tuple[Array, ...], x: Array) -> Array:
@@ -77,6 +79,7 @@ class HildebrandtVolume(ClassicalVolume):
         return VolumeJet(V, self.rest_length * horner(self.areas, state.eps), 0.0 * V)
 
 
+@explained_by(force)
 def hildebrandt(
     P: Array, eps: Array, *, areas: tuple[Array, ...], atmospheric_pressure: Array = ATMOSPHERIC_PRESSURE
 ) -> Array:
@@ -86,14 +89,8 @@ def hildebrandt(
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Gas pressure, Pa, absolute.
-    eps : array, shape (n_samples,)
-        Contraction ratio, dimensionless.
     areas : tuple of float
         a_0 ... a_d, m².
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     Returns
     -------

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_by
 from ..laws._backend import namespace
 from ..signals.state import Array, State
 from .base import VolumeJet
@@ -18,6 +19,7 @@ from .classical import (
     braid_factors,
     cylinder_volume,
 )
+from .functions import force
 
 PRESSURE_SCALE = 1e5
 """Gauge pressure over which the end-cap correction decays, Pa: exp(−p) as quoted, read with p in bar."""
@@ -111,6 +113,7 @@ class TonduLopezVolume(ClassicalVolume):
         )
 
 
+@explained_by(force)
 def tondu_lopez(
     P: Array,
     eps: Array,
@@ -128,16 +131,10 @@ def tondu_lopez(
 
     Parameters
     ----------
-    P : array, shape (n_samples,)
-        Gas pressure, Pa, absolute.
-    eps : array, shape (n_samples,)
-        Contraction ratio, dimensionless.
     rest_diameter, braid_angle : float
         D₀ (m) and θ₀ (rad) at rest.
     end_cap, end_cap_rise : float
         b_k and a_k, dimensionless; :math:`p_0` is 1 bar.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     Returns
     -------
@@ -146,8 +143,7 @@ def tondu_lopez(
 
     References
     ----------
-    B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems
-    Magazine 20(2), 2000. https://doi.org/10.1109/37.833638
+    See `TonduLopezVolume`.
 
     Examples
     --------

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError, UnknownParameterError
-from .tones import TONES, multisine
+from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -156,7 +156,7 @@ class DesignedRun:
         ease = np.clip(1.0 + t / (0.7 * LEAD), 0.0, 1.0)
         ease = ease * ease * (3.0 - 2.0 * ease)
         q = np.radians(ease * (self.offset + self._motion(t)))
-        q = _slewed(q, math.radians(self.rate) * PERIOD) if self.kind == "steps" else q
+        q = slewed(q, math.radians(self.rate) * PERIOD) if self.kind == "steps" else q
         offset = ease * self.pressure
         if self.kind == "isometric":
             offset = offset + 0.5 * self.rise * (1.0 - np.cos(self.frequency * np.maximum(t, 0.0)))
@@ -289,12 +289,3 @@ def within(run: DesignedRun, limits: Limits) -> DesignedRun:
         a = float(np.clip(a, -limits.angle - offset, limits.angle - offset))
     pressure = float(np.clip(run.pressure, -limits.pressure, limits.pressure))
     return replace(run, frequency=w, offset=offset, amplitude=a, pressure=pressure)
-
-
-def _slewed(q: np.ndarray, step: float) -> np.ndarray:
-    """Return a reference angle that moves by no more than a step from sample to sample."""
-    out, now = np.empty(len(q)), float(q[0])
-    for k, x in enumerate(q.tolist()):
-        now += min(max(x - now, -step), step)
-        out[k] = now
-    return out

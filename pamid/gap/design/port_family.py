@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import ParameterError
 from ...simulators.port_log import PortLog
-from .tones import TONES, multisine
+from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -251,14 +251,3 @@ def within(wave: Wave, name: str, limits: PortLimits) -> Wave:
     # A sine passes its middle at w times its amplitude; a step has half a period to get across.
     room = min(room, limits.rates[name] * (0.5 * math.pi if wave.kind == "steps" else 1.0) / (w * fastest))
     return replace(wave, middle=middle, amplitude=float(np.clip(abs(wave.amplitude), 0.0, room)), frequency=w)
-
-
-def slewed(x: np.ndarray, step: float) -> np.ndarray:
-    """Return a signal that moves by no more than a step from sample to sample."""
-    if np.max(np.abs(np.diff(x)), initial=0.0) <= step * (1.0 + 1e-9):
-        return x
-    out, now = np.empty(len(x)), float(x[0])
-    for k, value in enumerate(x.tolist()):
-        now += min(max(value - now, -step), step)
-        out[k] = now
-    return out
