@@ -11,6 +11,8 @@ from pamid.estimators._base import SignalRegressor
 from pamid.estimators._parameters import parameters
 from sklearn.base import clone
 
+from pamid.explained import explained_by
+
 
 @parameters
 class Base(SignalRegressor):
@@ -88,3 +90,30 @@ def test_a_default_is_that_of_the_class():
 def test_runs_are_requested_by_what_takes_them():
     assert Below()._get_metadata_request().fit.requests == {"groups": True}
     assert PolynomialForce()._get_metadata_request().partial_fit.requests["groups"] is True
+
+
+def test_a_function_takes_what_others_explain():
+    def first(size, speed=1.0):
+        """Move.
+
+        Parameters
+        ----------
+        size : float
+            Its size, m.
+        speed : float, default=1
+            Its speed, m/s.
+        """
+
+    @explained_by(first)
+    def second(speed=2.0, size=0.5, colour=None):
+        """Move again.
+
+        Parameters
+        ----------
+        size : float
+            Its size at rest, m.
+        """
+
+    assert second.__doc__.splitlines()[4:] == [
+        "speed : float, default=2", "    Its speed, m/s.", "size : float", "    Its size at rest, m."
+    ]  # fmt: skip
