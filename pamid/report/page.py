@@ -7,6 +7,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..explained import explained_by
 from ..files import write_whole
 from .quantities import typeset
 from .sections import Section, Source, all_sections
@@ -54,32 +55,29 @@ def report_html(
     from markupsafe import Markup
 
     source = source or Source()
-    environment = _environment()
+    templates = environment()
     sections = [cls(diagnosis, source) for cls in all_sections()]
     parts: list[dict[str, Any]] = []
     shown = [s for s in sections if s.shown()]
     if (expect := getattr(progress, "expect", None)) is not None:
         expect(len(shown))
     for s in shown:
-        body = Markup(_template(environment, s).render(s.content()))
+        body = Markup(_template(templates, s).render(s.content()))
         parts.append({"name": s.name, "title": s.heading(), "body": body})
         if progress is not None:
             progress(s.name)
     style = Markup((_TEMPLATES / "page.css").read_text(encoding="utf-8"))
-    return environment.get_template("page.html").render(sections=parts, source=source, style=style)
+    return templates.get_template("page.html").render(sections=parts, source=source, style=style)
 
 
+@explained_by(report_html)
 def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None = None) -> Path:
     """Write a diagnosis as a page, whole or not at all.
 
     Parameters
     ----------
-    diagnosis : Diagnosis
-        What `pamid.gap.diagnose` returned.
     path : path-like
         The file; one that exists is replaced.
-    source : Source, optional
-        Where the diagnosis comes from.
 
     Returns
     -------
@@ -110,19 +108,20 @@ def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None =
 
 
 @cache
-def _environment() -> Environment:
+def environment(templates: Path = _TEMPLATES) -> Environment:
+    """Return the templates of a folder, which escape all text."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    environment = Environment(
-        loader=FileSystemLoader(_TEMPLATES),
+    made = Environment(
+        loader=FileSystemLoader(templates),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["typeset"] = _typeset
-    environment.filters["bar"] = _bar
-    return environment
+    made.filters["typeset"] = _typeset
+    made.filters["bar"] = _bar
+    return made
 
 
 def _typeset(text: str) -> str:
@@ -139,7 +138,7 @@ def _bar(share: Any) -> str:
     return f"{100 * min(max(value, 0.0), 1.0):.1f}" if value == value else "0"
 
 
-def _template(environment: Any, section: Section) -> Any:
+def _template(templates: Any, section: Section) -> Any:
     if section.template:
-        return environment.from_string(section.template)
-    return environment.get_template(f"{section.name}.html")
+        return templates.from_string(section.template)
+    return templates.get_template(f"{section.name}.html")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +10,6 @@ from .words import channel_rows, sampling_sentence
 
 if TYPE_CHECKING:
     import pandas as pd
-    from jinja2 import Environment
     from matplotlib.figure import Figure
 
 _TEMPLATES = Path(__file__).parent / "templates"
@@ -54,7 +52,7 @@ def survey_html(found: Survey, log: pd.DataFrame, name: str = "") -> str:
     css = (Path(report.__file__).parent / "templates" / "page.css").read_text(encoding="utf-8")
     answers = [(a, _BADGE[a.answer]) for a in found.answers]
     return (
-        _environment()
+        report.environment(_TEMPLATES)
         .get_template("check.html")
         .render(
             name=name or "Log",
@@ -103,16 +101,3 @@ def _pictures(found: Survey, log: pd.DataFrame) -> list[dict[str, Any]]:
         for key, figure, words in drawn
         if figure is not None
     ]
-
-
-@cache
-def _environment() -> Environment:
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    return Environment(
-        loader=FileSystemLoader(_TEMPLATES),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
