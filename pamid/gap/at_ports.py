@@ -10,7 +10,7 @@ import numpy as np
 from ..simulators.base import Simulator
 from ..simulators.catalogue import chosen
 from .diagnosis.result import Diagnosis
-from .engine import explain
+from .engine import explain, rows_searched
 from .inference.so_far import where_so_far
 from .inference.student_t import scale
 from .readings import settled
@@ -43,6 +43,6 @@ def diagnose_at_ports(
         notes = [f"The residuals are {evidence.how}.", *evidence.notes]
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
-            notes.append(f"Causes were searched in {searched.log.n:,} rows, and fitted to {evidence.log.n:,}.")
+            notes.append(rows_searched(searched.log.n, evidence.log.n))
         found = explain(evidence, library, np.random.RandomState(seed), notes, say, searched, known, interrupted)
     return outward(found, evidence)

@@ -42,7 +42,7 @@ def diagnose_bench(
     part = used.whole(SEARCH_ROWS)
     searched = Evidence(part, params) if len(part) < len(used) else evidence
     if searched is not evidence:
-        notes.append(f"Causes were searched in {len(part):,} rows, and fitted to {len(used):,}.")
+        notes.append(rows_searched(len(part), len(used)))
     return explain(evidence, library, np.random.RandomState(seed), notes + notes_on(evidence), say, searched)
 
 
@@ -64,6 +64,11 @@ def rows_used(used: int, rows: int) -> str:
     return f"{used:,} of {rows:,} rows were used, whole runs evenly spread over the log."
 
 
+def rows_searched(part: int, rows: int) -> str:
+    """Return a sentence on how much of a log causes were searched in."""
+    return f"Causes were searched in {part:,} rows, and fitted to {rows:,}."
+
+
 def explain(
     evidence: ResidualSource,
     library: Sequence[str],
@@ -82,24 +87,8 @@ def explain(
     and something that the library does not hold. The answer is checked where it could be wrong: on held-out runs of the
     fit, over runs and regions, and in what is left.
 
-    Parameters
-    ----------
-    evidence : ResidualSource
-        The log, compared with its model.
-    library : sequence of str
-        Effects that may be causes.
-    random_state : RandomState
-        Draws behind p-values and intervals.
-    notes : list of str
-        Notes for the reader.
-    say : callable, optional
-        Called with a short text at each step.
-    searched : ResidualSource, optional
-        The part of it in which causes are searched; all by default.
-    known : mapping of str to sequence of Template, optional
-        The templates of effects on the evidence in which causes are searched, where they are known.
-    interrupted : bool, default=False
-        Whether the search was interrupted already: the best single effect is refitted then, and no more.
+    Causes are searched in a part of the evidence where one is given, with templates of effects that are known there;
+    where the search was interrupted already, the best single effect is refitted and no more.
     """
     from threadpoolctl import threadpool_limits
 

@@ -35,36 +35,7 @@ RECENT = 24
 class Evidence(Straight):
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
-    Residuals are whitened, so that their noise is independent from window to window; `raw` reverses this.
-
-    Attributes
-    ----------
-    z0 : array, shape (n_windows,)
-        Residuals of the simulator as given, in units of their noise and white, equation after equation.
-    noise : array, shape (n_windows,)
-        Standard deviation of the noise, in the unit of each window's equation.
-    equations : list of str
-        The equations.
-    parts : list of slice
-        The windows of each.
-    block : array of int, shape (n_windows,)
-        The run of each window.
-    run, side : array of int, shape (n_windows,)
-        The stretch of the log and the muscle (or joint) of each window.
-    time : array, shape (n_windows,)
-        Centres of the windows, s.
-    free : list of str
-        Parameters that have a tolerance.
-    J : array, shape (n_windows, n_free)
-        Change of the residuals by a deviation of one tolerance.
-    columns : list of str
-        Columns of the log that equations may read, beside the angle.
-    skipped : dict of str to str
-        Equations that the log does not allow, and why.
-    weights : array, shape (n_equations,)
-        Weight of a window of each equation.
-    sharp : list of slice
-        The windows of equations without derivatives, in which no single window may be far out.
+    A `pamid.gap.residuals.protocol.ResidualSource`; ``columns`` are those that equations may read, beside the angle.
     """
 
     exact = True

@@ -48,16 +48,8 @@ FEWEST = 12
 class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
-    A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed.
-
-    Parameters
-    ----------
-    log : PortLog
-        The log.
-    simulator : Simulator
-        The simulator; its own effects are part of it.
-    refit : bool, default=False
-        Whether to start from fitted parameters, where tolerances are so wide that nothing is linear within them.
+    A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
+    start from fitted parameters, where tolerances are so wide that nothing is linear within them.
 
     Attributes
     ----------

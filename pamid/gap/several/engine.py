@@ -18,6 +18,7 @@ from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import Verdict, decide
 from ..diagnosis.next_experiment import next_experiment
 from ..diagnosis.result import Diagnosis
+from ..engine import rows_searched
 from ..inference.competition import Competition
 from ..residuals.bench import Evidence
 from ..residuals.checks import check, moves, notes_on, without_stuck
@@ -65,7 +66,7 @@ def diagnose_bench_logs(
     if (rows := sum(len(t) for t in whole)) > SEARCH_ROWS:
         part = [t.whole(max(1, SEARCH_ROWS * len(t) // rows)) for t in whole]
         fewer = as_logs([Evidence(t, c.under(params)) for t, c in zip(part, held, strict=True)])
-        notes.append(f"Causes were searched in {sum(map(len, part)):,} rows, and fitted to {rows:,}.")
+        notes.append(rows_searched(sum(map(len, part)), rows))
     rng = np.random.RandomState(seed)
     found, verdict, stack = together(as_logs(each), library, each[0].effects, notes, rng, say, fewer)
     if verdict is None:
