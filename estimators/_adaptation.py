@@ -398,11 +398,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Name the columns that `transform` returns.
 
-        Parameters
-        ----------
-        input_features : array_like of str, optional
-            Names of the columns, where X has none.
-
         Returns
         -------
         ndarray of str

@@ -50,6 +50,15 @@ class Methods:
 
     transform = assess = simulate = volume = predict_interval = predict
 
+    def get_feature_names_out(self, input_features: Any) -> Any:
+        """Name columns.
+
+        Parameters
+        ----------
+        input_features : array_like of str, optional
+            Names of the columns, where X has none.
+        """
+
     def formulas(self, signals: Any) -> Any:
         """Return formulas.
 

@@ -290,11 +290,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Name the columns that `transform` returns.
 
-        Parameters
-        ----------
-        input_features : array_like of str, optional
-            Names of the columns, where X has none.
-
         Returns
         -------
         ndarray of str
