@@ -81,8 +81,8 @@ dist: install
 	$(BIN)/python .ci/dist.py
 
 # The wheel is installed into a new environment and used there, away from the checkout: commands, and tests of the rooms
-# that read files of the package. WHEEL_TESTS= runs all tests of less than a second.
-WHEEL_TESTS ?= tests/laws tests/signals tests/report
+# that read templates of the package. WHEEL_TESTS= runs all tests of less than a second.
+WHEEL_TESTS ?= tests/export tests/report tests/survey
 wheel: dist
 	$(THREADS) $(BIN)/python .ci/wheel.py --tests -q -n $(WORKERS) $(WHEEL_TESTS)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,10 @@ FIXTURE_SECONDS = 5.0
 """CPU seconds of a fixture above which all tests that need it are slow."""
 
 
+DRAWN = ("report", "docs", "systems", "survey")
+"""Rooms whose tests look at pictures of reports, or run every command with every kind of simulator."""
+
+
 @pytest.fixture(scope="session")
 def log() -> pd.DataFrame:
     """The log of the usual runs of the bench, which no test may change; a module with a log of its own overrides it."""
@@ -32,6 +37,17 @@ def log() -> pd.DataFrame:
     from pamid.bench import simulate
 
     return simulate(NOMINAL, RUNS, seed=3)
+
+
+@pytest.fixture(autouse=True)
+def _quick_reports(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave the drawing of reports, which takes most of a small diagnosis, to the rooms that look at them."""
+    if request.path.parent.name not in DRAWN:
+        monkeypatch.setattr("pamid.report.svg.inline_svg", _undrawn)
+
+
+def _undrawn(figure: object, name: str, words: str) -> str:
+    return f'<svg viewBox="0 0 1 1" role="img" aria-label="{escape(words)}"></svg>'
 
 
 def slow_tests() -> set[str]:

@@ -229,9 +229,10 @@ def _run(
     done: dict[str, list[_Fitted]] = {entry.label: [] for entry in entries}
     if (expect := getattr(progress, "expect", None)) is not None:
         expect(len(entries) * len(splits))
-    # Asked for as they are started, so that alone, one after the other, nothing is fitted in vain.
+    # Asked for as they are started, so that alone, one after the other, nothing is fitted in vain. Fold after fold:
+    # once all candidates were fitted in one, the time that the others take is known.
     wanted = (
-        (entry, fold) for entry in entries for fold in splits if not (done[entry.label] and done[entry.label][-1].error)
+        (entry, fold) for fold in splits for entry in entries if not (done[entry.label] and done[entry.label][-1].error)
     )
     tasks = (
         delayed(_fitted)(

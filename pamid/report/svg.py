@@ -20,8 +20,14 @@ _HEAD = re.compile(r"<svg[^>]*?viewBox=\"([^\"]*)\"[^>]*>", re.DOTALL)
 
 def inline_svg(figure: Figure, name: str, words: str) -> str:
     """Return a figure as the text of an ``svg`` element."""
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
     stream = io.StringIO()
     with style():
+        FigureCanvasSVG(figure)
+        if (layout := figure.get_layout_engine()) is not None:  # here once; savefig would draw everything twice for it
+            layout.execute(figure)
+            figure.set_layout_engine(None)
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None}, dpi=_DPI)
     text = stream.getvalue()
     text = re.sub(r"<!--.*?-->|<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -272,3 +272,18 @@ def test_a_condition_that_nothing_meets_or_that_is_none_is_refused(condition, wo
     assert main(["diagnose", *argv, "--where", condition]) == 2
     assert words in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
+
+
+def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(monkeypatch):
+    """A correction that makes an equation without a gap a trace worse is no less than the report says."""
+    from types import SimpleNamespace
+
+    from pamid.cli._corrected import _short
+
+    def gap(equation, low):
+        return SimpleNamespace(equation=equation, rmse_before=1.1, noise_floor=1.0, ci90=(low, 1.0))
+
+    left = {"valve": SimpleNamespace(rmse=1.102), "force": SimpleNamespace(rmse=1.102)}
+    monkeypatch.setattr("pamid.any_simulator.evaluate", lambda log, simulator: left)
+    d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8)])
+    assert _short(d, None, None) == {"force": 0.0}
