@@ -287,3 +287,15 @@ def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(m
     monkeypatch.setattr("pamid.any_simulator.evaluate", lambda log, simulator: left)
     d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8)])
     assert _short(d, None, None) == {"force": 0.0}
+
+
+def test_hysteresis_of_the_size_that_simulate_gives_it_is_named(tmp_path: Path, capsys) -> None:
+    runs = ["sine:frequency=4,amplitude=15,seconds=1.6", "triangle:frequency=4,amplitude=20,seconds=1.6",
+            "sine:frequency=10,amplitude=8,seconds=1", "step:start=0,end=12,seconds=1"]  # fmt: skip
+    log, out = str(tmp_path / "log.parquet"), str(tmp_path / "out")
+    made = [part for run in runs for part in ("--trajectory", run)]
+    assert main(["simulate", "--muscle", "B", "--effect", "hysteresis", *made, "--out", log]) == 0
+    assert main(["diagnose", log, "--out", out, "--quiet"]) == 0
+    said = capsys.readouterr().out
+    assert "One cause: hysteresis" in said and "amplitude 8 N" in said
+    assert "less than the report says" not in said  # of flow and joint, in which there is no gap, nothing is said
