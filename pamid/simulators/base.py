@@ -63,6 +63,8 @@ class Simulator:
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are; empty for those that can act at ports."""
     sense: str | int = 1
     """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
+    own_step: float = 0.0
+    """Step by which it is integrated wherever it is used, s; 0 where nothing says one."""
     between: tuple[Between, ...] = ()
     """Pairs of ports between which effects may act, besides those that it couples itself."""
 

@@ -102,6 +102,8 @@ class MujocoSimulator(Simulator):
         self._nominal = [np.array(array[at]) for array, at in self._slots]
         self._names, self._has = list(self.parameters), np.array([float(v) for v in self._nominal])
         self._pieces = KeptPieces(self._m, self._d, self._each)
+        fourth_order = int(_mujoco().mjtIntegrator.mjINT_RK4)
+        self.own_step = 0.0 if int(self._m.opt.integrator) == fourth_order else float(self._m.opt.timestep)
 
     def _own_ports(self) -> list[Port]:
         m = self._m

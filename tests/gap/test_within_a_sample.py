@@ -10,7 +10,7 @@ from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.between_rows import STEPS
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.simulated import evidence_of
-from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators import FunctionSimulator, MujocoSimulator, Port
 
 DT, STIFFNESS, MASS, DAMPING, FRICTION = 5e-3, 200.0, 1.0, 2.0, 3.0
 
@@ -99,3 +99,41 @@ def test_noise_of_a_force_that_turns_with_noisy_readings_is_told_by_copies() -> 
     np.testing.assert_allclose(
         np.square(evidence.widening(half)) - 1.0, (np.square(wide) - 1.0) / 4.0, rtol=1e-6, atol=1e-9
     )
+
+
+ARM = """<mujoco><compiler angle="radian"/><worldbody>
+<body><joint name="pan" axis="0 1 0" armature="0.05"/><geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".4"
+contype="0"/><body pos="0 0 -.2"><joint name="elbow" axis="0 1 0" armature="0.03"{}/>
+<geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02" mass=".2" contype="0"/></body></body></worldbody><actuator>
+<position name="pan" joint="pan" kp="20" kv="1"/><position name="elbow" joint="elbow" kp="10" kv=".5"/>
+</actuator></mujoco>"""
+DAMPED = ARM.format(' damping="0.6"')
+
+
+def of_an_arm(seed: int) -> pd.DataFrame:
+    """Two runs of the damped arm in MuJoCo's own steps: commands and angles in a LeRobot's resolution, no speeds."""
+    mujoco = pytest.importorskip("mujoco")
+    model, t, found = mujoco.MjModel.from_xml_string(DAMPED), np.arange(0, 10, 0.01), []
+    for run in range(2):
+        data, rng = mujoco.MjData(model), np.random.default_rng([seed, run])
+        rates, phases = 2 * np.pi * rng.uniform(0.1, 0.8, (2, 3, 1)), rng.uniform(0, 6, (2, 3, 1))
+        wanted = 0.32 * np.sum(np.sin(rates * t + phases) - np.sin(phases), axis=1)
+        angles = np.empty_like(wanted)
+        for k in range(len(t)):
+            angles[:, k], data.ctrl[:] = data.qpos, wanted[:, k]
+            mujoco.mj_step(model, data, 5)
+        angles += 3.5e-4 * rng.standard_normal(angles.shape)
+        columns = {"pan_ctrl": wanted[0], "elbow_ctrl": wanted[1], "pan_q": angles[0], "elbow_q": angles[1]}
+        found.append(pd.DataFrame({"trajectory": f"{run}", "time": t, **columns}))
+    return pd.concat(found, ignore_index=True)
+
+
+@pytest.mark.parametrize(
+    "xml, causes", [(DAMPED, []), (ARM.format(""), [("viscous_friction",)])], ids=["right", "lacks"]
+)
+def test_half_a_step_of_mujoco_beside_speeds_that_are_derived_is_no_cause(xml: str, causes: list, tmp_path) -> None:
+    """At a servo's damping of 1 N m s/rad, the 2 ms of the model are worth an armature of 0.001 kg m²."""
+    (tmp_path / "arm.xml").write_text(xml)
+    library = ["viscous_friction", "coulomb_friction", "parameter_deviation", "actuator_lag", "creep", "maxwell"]
+    found = diagnose_simulator(of_an_arm(2), MujocoSimulator(tmp_path / "arm.xml"), library)
+    assert [c.effects for c in found.causes] == causes and found.verdict == ("cause" if causes else "none")

@@ -23,6 +23,8 @@ PIECES = 8
 2e-3."""
 STEPS = "step of the integrator"
 """Name of the parameter: 0 for no step, 1 for one as long as a sample."""
+OWN_STEP = "step of the model"
+"""The same of a model that says its step: 1 for it, -1 for an implicit one."""
 NOTE = "Inputs are interpolated between rows: held over each step, like a controller's, they explain the log less well."
 
 

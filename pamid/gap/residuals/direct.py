@@ -44,7 +44,7 @@ from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
-from .steps import earlier, lateness, within_steps
+from .steps import earlier, within_steps
 from .tolerances import SMALL
 from .turned import Instants, Turned, turned
 from .turning import force_at_both_ends
@@ -222,15 +222,17 @@ class DirectEvidence(UndoneEvidence):
                 column = self._under(u) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
-            for name, change in within_steps(self._base_rates, self._earlier, self.balances, self.log):
+            derived, step = list(self.derived.values()), self.simulator.own_step
+            for name, change in within_steps(
+                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step
+            ):
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
         self._allow()
 
-    def _earlier(self, order: int) -> np.ndarray:
-        """Return the rates of the states that steps of Euler's method take in equations of an order."""
-        late = lateness(self.simulator.states, list(self.derived.values()), order)
+    def _late(self, late: np.ndarray) -> np.ndarray:
+        """Return the rates of the states as they were some samples earlier."""
         return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
 
     def _under(self, u: np.ndarray, change: np.ndarray | float = 0.0) -> np.ndarray:

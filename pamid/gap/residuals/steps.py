@@ -12,6 +12,13 @@ Inputs have a timing of their own. The step is fitted once for the whole simulat
 where it explains the log to its noise: beside causes it would only make their sizes uncertain. It is never below zero,
 as that of an implicit method would be: there it would hide damping that a simulator lacks.
 
+A model that says its own step, as MuJoCo's do, may have made a log, or its rig may know no steps. Its positions go with
+the new speed (semi-implicit Euler), so that a speed derived from them lies half a step aside,
+
+.. math:: \ddot x = a\bigl(x(t), \dot x(t \mp \tfrac{h}{2}), u\bigr)
+
+which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too.
+
 References
 ----------
 E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2nd ed., Springer, 2006, chapter IX.
@@ -26,7 +33,7 @@ import numpy as np
 
 from ...simulators.port_log import PortLog
 from .balance import Balance
-from .between_rows import STEPS, after, before
+from .between_rows import OWN_STEP, STEPS, after, before
 from .tolerances import SMALL
 
 
@@ -41,17 +48,25 @@ def lateness(states: Sequence[str], derived: Sequence[str], order: int) -> np.nd
 
 
 def within_steps(
-    base: np.ndarray, at_earlier: Callable[[int], np.ndarray], balances: Sequence[Balance], log: PortLog
-) -> Iterator[tuple[str, np.ndarray]]:
+    base: np.ndarray, at_late: Callable[[np.ndarray], np.ndarray], states: Sequence[str], derived: Sequence[str],
+    balances: Sequence[Balance], log: PortLog, own: float,
+) -> Iterator[tuple[str, np.ndarray]]:  # fmt: skip
     """Yield changes of the rates at both ends of each step, shape (n_states, 2 n_rows), that are no causes.
 
-    A sample's step of Euler's method; and means of curves, where rates are taken as linear within a step.
+    A sample's step of Euler's method, the model's own step, s, if it says one; and means of curves, where rates are
+    taken as linear within a step.
     """
-    out = np.zeros_like(base)
     dynamic = [b for b in balances if b.order and not b.velocity]  # clocks of two readings have a skew of their own
+    out = np.zeros_like(base)
     for order in sorted({b.order for b in dynamic}):
         rows = [b.row for b in dynamic if b.order == order]
-        out[rows] = (at_earlier(order) - base)[rows] / SMALL
+        out[rows] = (at_late(lateness(states, derived, order)) - base)[rows] / SMALL
     yield STEPS, out
+    if own > 0.0 and derived:
+        late = at_late(np.array([0.5 * SMALL * (name in derived) for name in states]))
+        for b in (b for b in dynamic if b.order == 2):  # of each, damping may be implicit or not
+            out = np.zeros_like(base)
+            out[b.row] = min(own / log.dt, 1.0) * (late - base)[b.row] / SMALL
+            yield f"{OWN_STEP} in {b.channel}", out
     start, end = np.hsplit(base, 2)
     yield "bend within steps", -np.tile((after(end - start, log) - before(end - start, log)) / 24.0, 2)
