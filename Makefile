@@ -44,9 +44,10 @@ lint: install
 	$(BIN)/python -W ignore -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel .
 	$(BIN)/python -W ignore -m pip install --quiet --no-deps --target build/installed build/wheel/*.whl
 	cd build/installed && $(ON_INSTALLED)/lint-imports --config ../../pyproject.toml --no-cache
-	cd build/installed && $(ON_INSTALLED)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache/installed
-	cd build/installed && $(ON_INSTALLED)/mypy --config-file= --strict --follow-imports=silent \
-		--cache-dir ../../.mypy_cache/user ../../tests/typing/user_script.py
+	cd build/installed && { $(ON_INSTALLED)/mypy --config-file= --strict --follow-imports=silent \
+		--cache-dir ../../.mypy_cache/user ../../tests/typing/user_script.py & user=$$!; \
+		$(ON_INSTALLED)/mypy --config-file ../../pyproject.toml --cache-dir ../../.mypy_cache/installed; \
+		package=$$?; wait $$user && exit $$package; }
 
 pytest: install
 	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS) -m "not slow and not long"

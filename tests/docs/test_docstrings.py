@@ -154,7 +154,8 @@ def test_docstrings_of_estimators():
 def with_examples() -> list[str]:
     """What a user meets: the names that rooms export, and every effect, law, volume and adapter."""
     rooms = re.compile(r"pamid\.(effects|laws|volume|adapters)\.")
-    paths = {path for path in public_objects() if path in exported() or rooms.match(path)}
+    shown = exported()
+    paths = {path for path in public_objects() if path in shown or rooms.match(path)}
     return sorted(p for p in paths if not (inspect.isclass(load(p)) and issubclass(load(p), Exception)))
 
 
