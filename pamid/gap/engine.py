@@ -16,6 +16,7 @@ from .inference.competition import Competition
 from .inference.hypotheses import Screen
 from .inference.sensitivity import Template
 from .inference.so_far import alone_so_far, stopped
+from .inference.stepped import with_steps
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
 from .residuals.protocol import ResidualSource
@@ -97,6 +98,10 @@ def explain(
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         competition = Competition(searched or evidence, library, say, known)
         outcome = competition.refit(screened(competition, interrupted, say))
+        again = with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say)))
+        if again is not None:
+            whole, (competition, outcome) = evidence.stepped(), again
+            evidence = competition.evidence if searched in (None, evidence) or whole is None else whole
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

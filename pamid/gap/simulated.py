@@ -166,7 +166,7 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         nominal=evidence.given,
         corrected=corrected,
-        deviations={n: v + begun[n] for n, v in found.deviations.items()},
+        deviations={n: v + begun.get(n, 0.0) for n, v in found.deviations.items()},
         logs=[_log(f, places) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,15 +119,28 @@ class Runner:
 
 
 def substeps_for(
-    simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, most: int = 32
-) -> int:
-    """Return the steps per sample beyond which a run changes by less than a thousandth of its range."""
-    steps = 1
-    coarse = Runner(simulator, dt, (), steps).states(t, x0, u, p)
+    simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray,
+    needed: Mapping[str, float], most: int = 32,
+) -> int:  # fmt: skip
+    """Return the steps per sample beyond which a run changes by less than a thousandth of its range.
+
+    Readings need an accuracy of their own, which is no finer than a millionth of their range.
+    """
+    least = np.array([needed.get(name, np.inf) for name in (*simulator.states, *simulator.outputs)])
+    steps, coarse = 1, _signals(simulator, Runner(simulator, dt, (), 1).states(t, x0, u, p), t, u, p)
     while steps < most:
-        fine = Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p)
+        fine = _signals(simulator, Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p), t, u, p)
         size = np.ptp(fine, axis=(0, 2)) + 1e-300
-        if np.all(np.max(np.abs(fine - coarse), axis=(0, 2)) < 1e-3 * size):
+        if np.all(np.max(np.abs(fine - coarse), axis=(0, 2)) < np.clip(least, 1e-6 * size, 1e-3 * size)):
             break
         steps, coarse = 2 * steps, fine
     return steps
+
+
+def _signals(simulator: Simulator, x: np.ndarray, t: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Return states and outputs of runs side by side, shape (n_rows, n_signals, n_runs)."""
+    if not simulator.outputs:
+        return x
+    with np.errstate(all="ignore"):
+        y = [simulator.output(t[k], x[k], u[k], p) for k in range(len(x))]
+    return np.concatenate([x, np.stack(y)], axis=1)

@@ -235,6 +235,9 @@ class Evidence(Straight):
             self._recent = {**dict(list(self._recent.items())[1 - RECENT :]), asked: out}
         return self._recent[asked]
 
+    def stepped(self) -> None:
+        """Return None: a bench has a method of integration of its own."""
+
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping
+from copy import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple, Self
 
 import numpy as np
 
@@ -17,6 +18,14 @@ from ...simulators.sizes import SignalSizes
 
 if TYPE_CHECKING:
     from .protocol import Active
+
+
+class Aside(NamedTuple):
+    """A nuisance parameter that is fixed."""
+
+    name: str
+    skew: np.ndarray
+    """What one tolerance of it adds to the residuals."""
 
 
 class Beside(ABC):
@@ -32,6 +41,8 @@ class Beside(ABC):
     J: np.ndarray
     skews: dict[str, np.ndarray]
     z0: np.ndarray
+    noise: np.ndarray
+    value: np.ndarray
     notes: list[str]
     _own: Active
     _there: frozenset[str]
@@ -39,6 +50,7 @@ class Beside(ABC):
     _touches: dict[str, list[str]]
     _laid: Remembered[np.ndarray]
     _nuisances: np.ndarray | None = None
+    _aside: Aside | None = None
 
     @abstractmethod
     def _begun(self, straight: np.ndarray) -> None:
@@ -55,6 +67,10 @@ class Beside(ABC):
     @abstractmethod
     def _twins(self) -> Mapping[str, str]:
         """Return the faults that commute with the simulator between them."""
+
+    @abstractmethod
+    def white(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals with noise that is independent from window to window."""
 
     @property
     def lasting(self) -> Collection[str]:
@@ -107,6 +123,24 @@ class Beside(ABC):
         self.about, self.J = self.about[kept], self.J[:, kept]
         self.skews = {name: column for name, column in self.skews.items() if name in names}
         self._laid.clear()
+
+    def _set_aside(self, name: str) -> None:
+        """Fix a nuisance parameter at zero; `stepped` frees it again."""
+        self._aside = Aside(name, self.skews[name])
+        self.value = self.value - self.about[self.free.index(name)] * self.skews[name]
+        self.z0 = self.white(self.value / self.noise)
+        self._keep_free([other for other in self.free if other != name])
+
+    def stepped(self) -> Self | None:
+        """Return this evidence with steps of an integrator free; None where they are, or where there are none."""
+        if self._aside is None:
+            return None
+        name, skew = self._aside
+        other = copy(self)
+        other._aside, other._laid = None, Remembered(self._laid.most)  # slopes about effects have a column more
+        other.free, other.about = [*self.free, name], np.append(self.about, 0.0)
+        other.J, other.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
+        return other
 
     def also_under(self, names: Mapping[str, str]) -> None:
         """Let effects also have other names, each with its own."""

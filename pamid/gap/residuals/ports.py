@@ -128,7 +128,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
         if STEPS in self.skews and not self._stepped_alone():
-            self._keep_free([name for name in self.free if name != STEPS])
+            self._set_aside(STEPS)
 
     def _stepped_alone(self) -> bool:
         """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""

@@ -273,12 +273,14 @@ class PredictedEvidence(StretchEvidence):
         done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
         return rows
 
-    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
+    def _slopes(
+        self, x0: np.ndarray, numbers: np.ndarray | None = None, active: Active | None = None
+    ) -> list[np.ndarray]:
         """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, length)."""
         if self.simulator.form != "ode" or not len(x0):
             return super()._slopes(x0, numbers)
-        base = self._drive([], self.simulator.numbers if numbers is None else numbers)
-        states, outputs = self._simulate(x0, base.u, base.p, [])
+        base = self._drive(active or [], self.simulator.numbers if numbers is None else numbers)
+        states, outputs = self._simulate(x0, base.u, base.p, base.acting)
         response, before = self._response(x0, base, states), self._fold(self._shown(states, outputs, self.shown))
         found = []
         for k, row in enumerate(x0):

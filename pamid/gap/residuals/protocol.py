@@ -179,6 +179,10 @@ class ResidualSource(Protocol):
         """Return a parameter with the bounds between which it changes anything on this log."""
         ...
 
+    def stepped(self) -> ResidualSource | None:
+        """Return the log with steps of the integrator behind it as one more free parameter; None without any."""
+        ...
+
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run, or piece of one, with which each window is left out in turn, and their number."""
         ...

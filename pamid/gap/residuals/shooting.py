@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from ...simulators.integrate import substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
-from ..settings import DECIDED
+from ..settings import DECIDED, EXCESS
 from .between_rows import NOTE, STEPS, go_in_lines, timings
 from .port_windows import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
@@ -41,6 +42,14 @@ from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
 UNSURE = 4.0
 """Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
+
+
+class Begun(NamedTuple):
+    """Initial states under a change."""
+
+    x0: np.ndarray
+    influence: list[np.ndarray]
+    """How they act on the windows of each stretch there."""
 
 
 class ShootingEvidence(PredictedEvidence):
@@ -56,7 +65,7 @@ class ShootingEvidence(PredictedEvidence):
         self.pushes: dict[tuple[str, str], float] = {}
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
         self.saturated = {n: end for n, end in found.items() if end is not None}
-        self._from: dict[str, np.ndarray] = {}
+        self._from: dict[str, Begun] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._lay()
         self._look_at_noise()
@@ -115,12 +124,15 @@ class ShootingEvidence(PredictedEvidence):
             self.joints = [JointPort(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
             return
         p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
-        s = self.stretches[0]
-        some = slice(s.first, min(s.stop, s.first + 400))
-        drive = self._u[:, some].T[:, :, None]
+        length = min(max(s.stop - s.first for s in self.stretches), 400)
+        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches[:8]], axis=1)
+        numbers = np.repeat(simulator.numbers[:, None], rows.shape[1], axis=1)
+        # A window's noise is that of a mean, while errors of integration do not average out in it.
+        needed = {name: EXCESS * sigma / np.sqrt(self.n) for name, sigma in self.sigma.items()}
         self.substeps = substeps_for(
-            simulator, log.dt, log.t[some][:, None], self._x0[:, :1], drive, simulator.numbers[:, None]
-        )
+            simulator, log.dt, log.t[rows], self._x0[:, : len(rows[0])], np.moveaxis(self._u[:, rows], 0, 1), numbers,
+            needed,
+        )  # fmt: skip
         self._x0 = self._fitted_starts() if self.substeps > 1 else self._x0
         states, _ = self._simulate(self._x0, self._u, p, [])
         for stretch, x in zip(self.stretches, states, strict=True):
@@ -155,12 +167,9 @@ class ShootingEvidence(PredictedEvidence):
             for n in self.shown
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
-        sigma = np.array([self.sigma[n] for n in self.shown])
+        self._usual = float(sum(self._squares(self._left(self.log.channels, self._plain))))
         slopes = self._slopes(self._x0) if len(self._x0) else [np.zeros((0, *p.shape)) for p in self._plain]
-        self._O = [
-            np.stack([self._cut_means(o * sigma[:, None], s) for o in slope]) if len(slope) else np.zeros((0, 0, 0))
-            for s, slope in enumerate(slopes)
-        ]
+        self._O = self._influence(slopes)
 
     def _skew(self) -> None:
         """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
@@ -182,6 +191,14 @@ class ShootingEvidence(PredictedEvidence):
         sums, count = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x * read, read))
         return (sums[rows + self.n] - sums[rows]) / (count[rows + self.n] - count[rows])
 
+    def _influence(self, slopes: list[np.ndarray]) -> list[np.ndarray]:
+        """Return how initial states act on the windows of each stretch, shape (n_states, n_shown, n_windows)."""
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        return [
+            np.stack([self._cut_means(o * sigma, s) for o in slope]) if len(slope) else np.zeros((0, 0, 0))
+            for s, slope in enumerate(slopes)
+        ]
+
     def _cut_means(self, x: np.ndarray, k: int) -> np.ndarray:
         """Return means over the windows of a stretch, shape (n_shown, n_windows)."""
         first = self.stretches[k].first
@@ -196,24 +213,41 @@ class ShootingEvidence(PredictedEvidence):
         x0 = self._started(kind, active, numbers) if changed and channels is None else self._x0
         predicted = self._predict(x0, active, numbers) if changed else self._plain
         left = self._left(readings, predicted)
-        shift = self._explained(left)
-        if changed and channels is None and shift.size and self._far(shift, left):
-            # The initial states that fit best under the change, not only to first order.
-            predicted = self._predict(x0 + shift, active, numbers)
-            again = self._left(readings, predicted)
-            if power(again) < 4.0 * power(left):
-                x0, left = x0 + shift, again
-            shift = self._explained(left)
-        if changed and channels is None and shift.size:
-            self._moved[kind] = x0 + shift - self._x0
+        influence, anew = self._O, changed and channels is None and len(x0) > 0
+        if anew:
+            begun, left = self._begun_best(x0, left, active, numbers)
+            x0, influence = begun
+        shift = self._explained(left, influence)
+        if anew:
             while len(self._from) >= MOST_RUNS:
                 self._from.pop(next(iter(self._from)))
-            self._from[named(active, numbers)] = x0
-            self._last[kind] = active, numbers
+            self._from[named(active, numbers)] = Begun(x0, influence)
+            if sum(self._squares(left)) <= self._usual:  # what leads astray is no start for others
+                self._moved[kind], self._last[kind] = x0 + shift - self._x0, (active, numbers)
         for k in range(len(left)):
             if shift.size:
-                left[k] = left[k] - np.tensordot(shift[:, k], self._O[k], axes=1)
+                left[k] = left[k] - np.tensordot(shift[:, k], influence[k], axes=1)
         return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+
+    def _begun_best(
+        self, x0: np.ndarray, left: list[np.ndarray], active: Active, numbers: np.ndarray
+    ) -> tuple[Begun, list[np.ndarray]]:
+        """Return the initial states that fit best under a change, and what they leave."""
+        influence = self._O
+        for done in range(ROUNDS):
+            shift = self._explained(left, influence)
+            # Changes that fit worse than none need no exact start.
+            if not self._far(shift, influence) or (done and sum(self._squares(left)) > self._usual):
+                break
+            trial = self._left(self.log.channels, self._predict(x0 + shift, active, numbers))
+            better = self._squares(trial) < self._squares(left)
+            if not better.any():
+                break
+            x0 = np.where(better, x0 + shift, x0)
+            left = [a if b else c for a, b, c in zip(trial, better, left, strict=True)]
+            if self.simulator.form == "ode":
+                influence = self._influence(self._slopes(x0, numbers, active))
+        return Begun(x0, influence), left
 
     def _started(self, kind: tuple[str, ...], active: Active, numbers: np.ndarray) -> np.ndarray:
         """Return predicted initial states after a change, to first order from the last one of its kind."""
@@ -248,14 +282,19 @@ class ShootingEvidence(PredictedEvidence):
 
     def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under effects and numbers near others, whose run is known."""
-        x0 = self._from.get(named(about, known), self._x0)
-        return self._compared(about, active, *self._near(x0, self._drive(about, known), self._drive(active, numbers)))
+        begun = self._from.get(named(about, known), Begun(self._x0, self._O))
+        near = self._near(begun.x0, self._drive(about, known), self._drive(active, numbers))
+        return self._compared(about, active, *near, begun.influence)
 
-    def _compared(self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]) -> np.ndarray:
+    def _compared(
+        self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray],
+        influence: list[np.ndarray] | None = None,
+    ) -> np.ndarray:  # fmt: skip
         """Return the change of the residuals between predictions, less what initial states explain."""
         left = [-rows for rows in self._means_of_change(about, active, base, there)]
-        if (shift := self._explained(left)).size:
-            left = [rows - np.tensordot(shift[:, k], self._O[k], axes=1) for k, rows in enumerate(left)]
+        influence = influence or self._O
+        if (shift := self._explained(left, influence)).size:
+            left = [rows - np.tensordot(shift[:, k], influence[k], axes=1) for k, rows in enumerate(left)]
         return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
 
     def _means_of_change(
@@ -275,18 +314,22 @@ class ShootingEvidence(PredictedEvidence):
             found.append(self._cut_means(measured - np.clip(np.nan_to_num(rows), -1e12, 1e12), k))
         return found
 
-    def _far(self, shift: np.ndarray, left: list[np.ndarray]) -> bool:
+    def _far(self, shift: np.ndarray, influence: list[np.ndarray]) -> bool:
         """Return whether initial states change by more than noise would cause, so that first order is inexact."""
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
-        moved = [np.tensordot(shift[:, k], self._O[k], axes=1) / sigma for k in range(len(left))]
-        return power(moved) > sum(m.size for m in moved)
+        moved = [np.tensordot(x, slopes, axes=1) for x, slopes in zip(shift.T, influence, strict=True)]
+        return sum(self._squares(moved)) > sum(m.size for m in moved)
 
-    def _explained(self, left: list[np.ndarray]) -> np.ndarray:
+    def _squares(self, rows: list[np.ndarray]) -> np.ndarray:
+        """Return the sum of squares of each stretch's windows, in units of their noise."""
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
+        return np.array([power([r / sigma]) for r in rows])
+
+    def _explained(self, left: list[np.ndarray], influence: list[np.ndarray] | None = None) -> np.ndarray:
         """Return the changes of the initial states that explain most of the residual."""
         if not len(self._x0):
             return np.zeros((0, 0))
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
-        return self._shift([slope / sigma for slope in self._O], [e / sigma for e in left])
+        return self._shift([slope / sigma for slope in influence or self._O], [e / sigma for e in left])
 
     def _differences(self, a: int, b: int) -> list[np.ndarray]:
         """Return the difference of two runs beyond what their different initial states explain.

@@ -326,6 +326,9 @@ class SignalEvidence(Straight):
         """Return the signals at each row, by the user's names."""
         return {self._columns.get(role, role): x for role, x in self.table.items()}
 
+    def stepped(self) -> None:
+        """Return None: one equation is not integrated."""
+
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)

@@ -122,7 +122,8 @@ class Tolerances(ABC):
         step = solve(self.z0, self.J, low, high, self.parts, self.weights).x
         there = self._deviated(step)
         linear, moved = self.J @ step, there - self.z0
-        if loglik(there, self.parts, self.weights)[0] > least and rms(moved - linear) <= STRAIGHT * rms(linear):
+        straight = rms(moved - linear) <= min(STRAIGHT * rms(linear), 1.0)  # in shares, and in noise
+        if straight and loglik(there, self.parts, self.weights)[0] > least:
             return False
         bounds = Bounds.of(low, high)
         prior = Prior(-self.about, np.full(len(x), TOLERANCE))

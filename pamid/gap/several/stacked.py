@@ -243,6 +243,9 @@ class StackedEvidence:
         """Return whether an equation that is tested reads a channel."""
         return any(log.evidence.reads(channel) for log in self.logs)
 
+    def stepped(self) -> None:
+        """Return None: what only one log may have is fixed."""
+
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         each = [log.evidence.pieces() for log in self.logs]
