@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..errors import ParameterError
 from .base import Simulator
 
 _SOME = 200
@@ -53,6 +54,13 @@ def joints_of(
     found = []
     for port in simulator.ports:
         if port.kind == "joint":
+            for role, name in (("position", port.position), ("velocity", port.velocity)):
+                if name and name not in simulator.states:
+                    raise ParameterError(
+                        f"The {role} of the joint '{port.name}' is {name!r}, which is no state.",
+                        f"one of its states: {', '.join(simulator.states)}",
+                        f"Name the state that {name!r} reads: forces of a joint act along its states.",
+                    )
             velocity = port.velocity or pairs.get(port.position, "")
             unit = port.unit if port.unit != "-" or not port.through else simulator.port(port.through).unit
             if unit == "-" and velocity:

@@ -310,3 +310,20 @@ def test_a_function_of_whole_runs_is_asked_by_name_or_place_and_seldom() -> None
     assert np.array_equal(asked[0]["watt"], asked[0][0]) and np.array_equal(asked[0]["time"], np.arange(400.0))
     assert found.verdict == "class" and set(found.causes[0].effects) == {"actuator_gain", "sensor_gain"}
     assert len(asked) <= 120 * len(runs)  # 60 are wanted
+
+
+def test_a_joint_of_an_output_is_refused_with_the_states_to_name():
+    ports = [
+        Port("F", "input", "N"), Port("a", "state", "m", column="not logged"),
+        Port("b", "state", "m/s", column="not logged either"), Port("q", "output", "m"), Port("w", "output", "m/s"),
+        Port("slide", "joint", "N", position="q", velocity="w"),
+    ]  # fmt: skip
+    simulator = FunctionSimulator(
+        lambda t, x, u, p: [x.b, u.F - 2.0 * x.b - p.k * x.a], ports, {"k": 50.0}, output=lambda t, x, u, p: [x.a, x.b]
+    )
+    t, rng = 0.01 * np.arange(400), np.random.default_rng(0)
+    F = np.sin(3.0 * t)
+    log = pd.DataFrame({"trajectory": "1", "time": t, "F": F, "q": 0.02 * F, "w": 0.06 * np.cos(3.0 * t)})
+    log[["q", "w"]] += 1e-4 * rng.standard_normal((400, 2))
+    with pytest.raises(ParameterError, match="position of the joint 'slide' is 'q', which is no state"):
+        diagnose_simulator(log, simulator)
