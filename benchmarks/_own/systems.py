@@ -79,7 +79,7 @@ def _arm(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
     l1, c1, c2 = 0.4, 0.2, 0.15
     s, c = np.sin(x.q2), np.cos(x.q2)
     h = p.m2 * l1 * c2
-    J1, J2 = p.m1 * c1**2 + 0.012 + p.m2 * l1**2, p.m2 * c2**2 + 0.006
+    J1, J2 = p.m1 * (c1**2 + 0.008) + p.m2 * l1**2, p.m2 * (c2**2 + 0.0075)  # heavier bodies of the same shape
     a, b, d = J1 + J2 + 2.0 * h * c, J2 + h * c, J2
     g1 = (p.m1 * c1 + p.m2 * l1) * GRAVITY * np.sin(x.q1)
     g2 = p.m2 * c2 * GRAVITY * np.sin(x.q1 + x.q2)
@@ -92,9 +92,9 @@ def _arm(t: Any, x: Any, u: Any, p: Any) -> list[Any]:
 def _arm_model(p: dict[str, float]) -> str:
     return f"""<mujoco><compiler angle="radian"/><option gravity="0 0 -9.81"/><worldbody>
 <body name="upper"><joint name="q1" axis="0 1 0" damping="{p["b1"]}"/>
-<inertial pos="0 0 -0.2" mass="{p["m1"]}" diaginertia="0.012 0.012 0.001"/>
+<inertial pos="0 0 -0.2" mass="{p["m1"]}" diaginertia="{0.008 * p["m1"]} {0.008 * p["m1"]} 0.001"/>
 <body name="lower" pos="0 0 -0.4"><joint name="q2" axis="0 1 0" damping="{p["b2"]}"/>
-<inertial pos="0 0 -0.15" mass="{p["m2"]}" diaginertia="0.006 0.006 0.001"/></body></body></worldbody>
+<inertial pos="0 0 -0.15" mass="{p["m2"]}" diaginertia="{0.0075 * p["m2"]} {0.0075 * p["m2"]} 0.001"/></body></body></worldbody>
 <actuator><motor name="tau1" joint="q1"/><motor name="tau2" joint="q2"/></actuator></mujoco>"""
 
 
