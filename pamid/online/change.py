@@ -164,7 +164,7 @@ class ChangeMonitor:
                 f"The healthy stretch is {len(squares) * self.sampling_interval:.3g} s long, and the model's errors "
                 f"are correlated over {memory * self.sampling_interval:.3g} s.",
                 f"at least {TIMES * BLOCKS * memory * self.sampling_interval:.3g} s",
-                "Give a longer stretch, or a model with smaller errors.",
+                "Give a longer stretch (--learn of the command), or a model with smaller errors.",
             )
         owner = np.minimum(np.arange(len(squares)) // self.block, n - 1)
         self._learn_place(signals, squares, owner, known)
