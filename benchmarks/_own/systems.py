@@ -94,7 +94,8 @@ def _arm_model(p: dict[str, float]) -> str:
 <body name="upper"><joint name="q1" axis="0 1 0" damping="{p["b1"]}"/>
 <inertial pos="0 0 -0.2" mass="{p["m1"]}" diaginertia="{0.008 * p["m1"]} {0.008 * p["m1"]} 0.001"/>
 <body name="lower" pos="0 0 -0.4"><joint name="q2" axis="0 1 0" damping="{p["b2"]}"/>
-<inertial pos="0 0 -0.15" mass="{p["m2"]}" diaginertia="{0.0075 * p["m2"]} {0.0075 * p["m2"]} 0.001"/></body></body></worldbody>
+<inertial pos="0 0 -0.15" mass="{p["m2"]}" diaginertia="{0.0075 * p["m2"]} {0.0075 * p["m2"]} 0.001"/>
+</body></body></worldbody>
 <actuator><motor name="tau1" joint="q1"/><motor name="tau2" joint="q2"/></actuator></mujoco>"""
 
 
