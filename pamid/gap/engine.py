@@ -100,8 +100,8 @@ def explain(
         outcome = competition.refit(screened(competition, interrupted, say))
         again = with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say)))
         if again is not None:
-            whole, (competition, outcome) = evidence.stepped(), again
-            evidence = competition.evidence if searched in (None, evidence) or whole is None else whole
+            competition, outcome = again
+            evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

@@ -350,7 +350,7 @@ class _Search:
                 if i == j:
                     continue
                 D = max(float(between[i, j]), 0.0)  # below it by what sampling leaves
-                reach = Z80 * float(np.hypot(np.sqrt(2.0 * max(D, 0.0)), spread[i, j]))
+                reach = Z80 * float(np.hypot(np.sqrt(2.0 * D), spread[i, j]))
                 prior = one.belief / max(one.belief + other.belief, 1e-12)
                 odds = np.log(max(prior, 1e-9) / max(1.0 - prior, 1e-9)) + D
                 where = next((d for d, k in told if k == i), told[0][0])

@@ -108,9 +108,8 @@ class Competition(FirstOrder):
             if best is self.base or alone or first_order >= gain - CLOSE - CLOSE_SHARE * gain:
                 self.say("refit with " + ", ".join(in_words(self.templates[t].effect) for t in subset.templates))
                 behind = -np.inf
-                if (
-                    alone and best is not self.base and not self._apart
-                ):  # one size fits badly where each day has its own
+                # One size fits badly where each day has its own.
+                if alone and best is not self.base and not self._apart:
                     behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0)
                 trial = self._refitted(about, subset, self.base, behind=behind)
                 tried.append(names)
