@@ -25,6 +25,7 @@ from .inference.first_order import FirstOrder
 from .inference.floor import explainable
 from .inference.sensitivity import Template, laid
 from .inference.so_far import alone_so_far, in_words, stopped
+from .residuals.between_rows import steps_taken
 from .residuals.direct import DirectEvidence
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE
@@ -157,16 +158,17 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     about = (source or evidence).about
     free = source.free if source is not None else evidence.free
     begun = dict(zip(free, map(float, about), strict=True))
+    deviations = {n: v + begun.get(n, 0.0) for n, v in found.deviations.items()}
     return replace(
         found,
-        notes=[*found.notes, *notes],
+        notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *notes],
         causes=[_cause(c, places, physical) for c in found.causes],
         families=[_cause(c, places, physical) for c in found.families],
         candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         nominal=evidence.given,
         corrected=corrected,
-        deviations={n: v + begun.get(n, 0.0) for n, v in found.deviations.items()},
+        deviations=deviations,
         logs=[_log(f, places) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )

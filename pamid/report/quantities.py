@@ -173,7 +173,9 @@ def probability(p: float) -> str:
 
 
 def run_named(name: str) -> str:
-    """Return a run's name in a sentence: ``run 2`` is called so, ``sine`` is the run sine."""
+    """Return a run's name in a sentence: ``run 2`` is called so, ``2`` as well, and ``sine`` is the run sine."""
+    if name.isdecimal():
+        return f"run {name}"
     return name if name.lower().startswith("run") else f"the run {name}"
 
 

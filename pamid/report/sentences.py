@@ -194,14 +194,14 @@ def _region_text(regions: list[Region], equation: str, part: str, words: Words) 
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
         found = f"{percent(share)} of {part} is found in {percent(samples)} of the samples"
-        return f"{found}, most of all {_region_words(region.query, words)}"
+        return f"{found}, most of all {region_words(region.query, words)}"
     return (
         f"{percent(region.share)} of {part} is found in {percent(region.samples)} of the samples, "
-        f"{_region_words(region.query, words)}"
+        f"{region_words(region.query, words)}"
     )
 
 
-def _region_words(query: str, words: Words) -> str:
+def region_words(query: str, words: Words) -> str:
     """Return a region in words; of more conditions than one reads at once, the signals alone."""
     found = [_CONDITION.match(part.strip()) for part in query.split(" and ")]
     names = list(dict.fromkeys(words.signal(m[1]).words for m in found if m is not None))

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.residuals.between_rows import STEPS
+from pamid.gap.residuals.between_rows import STEPS, steps_taken
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, MujocoSimulator, Port
@@ -63,7 +63,16 @@ def test_euler_steps_of_a_log_are_no_gap(columns: str) -> None:
     found = diagnose_simulator(oscillator_log(columns, euler=10), oscillator())
     assert found.verdict == "none"
     # In samples; a noisy speed tells it less well.
-    assert found.deviations[STEPS] == pytest.approx(0.1, abs=0.05 if columns == "x" else 0.2)
+    share = found.deviations[STEPS]
+    assert share == pytest.approx(0.1, abs=0.05 if columns == "x" else 0.2)
+    assert [n for n in found.notes if "Euler" in n] == steps_taken({STEPS: share}, DT)
+
+
+def test_steps_that_a_fit_took_up_are_told() -> None:
+    (told,) = steps_taken({"m": 0.5, STEPS: 0.1}, DT)
+    assert "in steps of 0.5 ms, 0.1 of a sample" in told
+    assert "The log (monday) looks" in steps_taken({f"{STEPS} (monday)": 1.0}, DT)[0]
+    assert steps_taken({"m": 0.5, STEPS: 0.0}, DT) == []
 
 
 def test_damping_that_a_simulator_lacks_is_named_not_hidden_in_the_integrator() -> None:

@@ -100,3 +100,21 @@ def test_of_many_signals_those_are_drawn_that_tell_of_the_error(found: Diagnosis
     assert figure is not None
     titles = [ax.get_title(loc="left") for ax in figure.axes]
     assert len(titles) == 6 and titles[-3:] == ["u / N m", "q / rad", "w / (rad/s)"]
+
+
+def test_of_a_long_run_the_worst_part_is_drawn_closely_with_every_reading() -> None:
+    rng, t = np.random.default_rng(3), 0.01 * np.arange(8000)
+    log = pd.DataFrame({"trajectory": "7", "time": t, "u": np.sin(9 * t)})
+    log["y"] = 2 * log["u"] + 0.5 * np.exp(-np.square(t - 60)) + 1e-2 * rng.standard_normal(len(t))
+    log.loc[6012, "y"] += JUMP
+    ports = [Port("u", "input", "V"), Port("y", "output", "N")]
+    found = diagnose(log, FunctionSimulator(lambda u, p: 2 * u.u, ports), effects=["sensor_gain"])
+    whole, close = GapDisplay.from_diagnosis(found).plot("course").axes_
+    assert whole.get_ylabel() == close.get_ylabel() == "y / N"
+    (grey,) = whole.patches
+    at = close.get_xlim()
+    assert at[0] <= grey.get_x() < 60.12 < grey.get_x() + grey.get_width() <= at[1]
+    every = next(line for line in close.lines if line.get_label() == "measured, every row")
+    time, shown = (np.asarray(v, dtype=float) for v in every.get_data())
+    assert len(time) > 2 * len(close.lines[0].get_xdata()) and np.ptp(shown[np.abs(time - 60.12) < 0.05]) > 0.9 * JUMP
+    assert ">y in run 7." in report_html(found)

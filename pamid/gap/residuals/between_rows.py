@@ -6,7 +6,7 @@ causes contribute, and a file does not say which it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +26,19 @@ STEPS = "step of the integrator"
 OWN_STEP = "step of the model"
 """The same of a model that says its step: 1 for it, -1 for an implicit one."""
 NOTE = "Inputs are interpolated between rows: held over each step, like a controller's, they explain the log less well."
+
+
+def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:
+    """Return a sentence for each step of an integrator that a fit took up; a model's own is known."""
+    told = []
+    for name, share in deviations.items():
+        if name.startswith(STEPS) and (size := round(share, 2)) > 0.0:
+            day = name.removeprefix(STEPS)
+            told.append(
+                f"The log{day} looks as if it was integrated by Euler's method in steps of {1e3 * share * dt:.2g} ms, "
+                f"{size:g} of a sample. The fit allows for them, and does not call them a cause."
+            )
+    return told
 
 
 def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:

@@ -7,43 +7,79 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...plots.curves import drawn
-from ...plots.style import BLUE, INK, ORANGE, new_figure, style
+from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, new_figure, style
 from ..words import Words
+from .readings import target_rows
 from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ...gap.diagnosis.result import Diagnosis
 
 
+_CLOSE = 100
+"""Windows that a panel shows a few pixels apart."""
+_SEVERAL = 3
+"""Of a run with so many times as many a part is drawn closely."""
+
+
 def course_figure(
     d: Diagnosis, equation: str | None = None, trajectory: str | None = None, limits: tuple[float, float] | None = None
 ) -> Figure:
-    """Draw what was measured in a run, and what the simulator says without and with the causes."""
+    """Draw what was measured in a run, and what the simulator says without and with the causes.
+
+    Of a long run the part with the largest error is drawn once more, where the log has the measured side with its rows.
+    """
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)
     quantity = Words.of(d).target(equation, unit_of(d, equation))
-    time, measured = part["time"].to_numpy(dtype=float), part["measured"].to_numpy(dtype=float)
+    close = _close(part)
     with style():
-        figure, axes = new_figure(5.2, 2.7)
-        ax = axes[0, 0]
-        told = {"before": "simulated before" if d.added else "simulated", "after": "simulated after"}
-        lines: list[tuple[Any, str, str, Any, float]] = [(measured, INK, "measured", "-", 1.6)]
-        for name, colour, dash in zip(states(d), (ORANGE, BLUE), ("-", (0, (4, 2))), strict=False):
-            simulated = measured - part[name].to_numpy(dtype=float)
-            lines.append((simulated, colour, f"{told[name]}, fit {fit_words(fit(part, name))}", dash, 1.1))
-        for values, colour, label, dash, width in lines:
-            ax.plot(*drawn(time, quantity.factor * values), color=colour, label=label, linestyle=dash, linewidth=width)
-        ax.set_xlabel("time / s")
-        ax.set_ylabel(quantity.label)
+        figure, axes = new_figure(5.2, 2.7 if close is None else 4.4, 1 if close is None else 2, 1)
+        whole = axes[0, 0]
+        _draw(whole, d, part, part, quantity.factor)
         if limits is not None:
-            ax.set_ylim(*limits)
-        handles, labels = ax.get_legend_handles_labels()
+            whole.set_ylim(*limits)
+        if close is not None:
+            ends = close["time"].iloc[[0, -1]]
+            whole.axvspan(*ends, color=FAINT, alpha=0.6, linewidth=0)
+            _draw(axes[1, 0], d, part, close, quantity.factor)
+            if (rows := target_rows(d, equation, trajectory, str(close["side"].iloc[0]))) is not None:
+                time, values = (x[(rows[0] >= ends.iloc[0]) & (rows[0] <= ends.iloc[1])] for x in rows)
+                line = drawn(time, quantity.factor * values)
+                axes[1, 0].plot(*line, color=GREY, linewidth=0.6, zorder=1.5, label="measured, every row")
+            axes[1, 0].set_title("The grey part")
+        for ax in axes[:, 0]:
+            ax.set_ylabel(quantity.label)
+        axes[-1, 0].set_xlabel("time / s")
+        handles, labels = axes[-1, 0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=2)
     return figure
+
+
+def _draw(ax: Axes, d: Diagnosis, run: pd.DataFrame, part: pd.DataFrame, factor: float) -> None:
+    """Draw a part of a run, with the fits of the whole run."""
+    time, measured = part["time"].to_numpy(dtype=float), part["measured"].to_numpy(dtype=float)
+    told = {"before": "simulated before" if d.added else "simulated", "after": "simulated after"}
+    lines: list[tuple[Any, str, str, Any, float]] = [(measured, INK, "measured", "-", 1.6)]
+    for name, colour, dash in zip(states(d), (ORANGE, BLUE), ("-", (0, (4, 2))), strict=False):
+        simulated = measured - part[name].to_numpy(dtype=float)
+        lines.append((simulated, colour, f"{told[name]}, fit {fit_words(fit(run, name))}", dash, 1.1))
+    for values, colour, label, dash, width in lines:
+        ax.plot(*drawn(time, factor * values), color=colour, label=label, linestyle=dash, linewidth=width)
+
+
+def _close(part: pd.DataFrame) -> pd.DataFrame | None:
+    """Return the part of a run with the largest error; None where all of the run is legible."""
+    if len(part) < _SEVERAL * _CLOSE:
+        return None
+    before = np.concatenate([[0.0], np.cumsum(np.square(part["before"].to_numpy(dtype=float)))])
+    first = int(np.argmax(before[_CLOSE:] - before[:-_CLOSE]))
+    return part.iloc[first : first + _CLOSE]
 
 
 def shared_limits(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple[float, float]:

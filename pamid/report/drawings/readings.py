@@ -43,6 +43,19 @@ def readings_figure(d: Diagnosis, trajectory: str, equation: str | None = None) 
     return figure
 
 
+def target_rows(d: Diagnosis, equation: str, trajectory: str, side: str) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return times and the measured side of an equation at every row of a run; None where no column holds it."""
+    run, words = _rows(d, trajectory), Words.of(d)
+    if run is None:
+        return None
+    if words.is_at_ports(equation):
+        columns = [p.column or p.name for p in d.nominal.ports if p.kind == "output" and p.name == equation]
+    else:
+        columns = [f"F{side}"] if equation == "force" else []
+    column = next((c for c in columns if c in run), None)
+    return None if column is None else (run["time"].to_numpy(dtype=float), run[column].to_numpy(dtype=float))
+
+
 def _rows(d: Diagnosis, trajectory: str) -> pd.DataFrame | None:
     """Return the rows of a run, whose name among several logs begins with that of its log."""
     logs = d.history.logs if d.history is not None else {}

@@ -41,7 +41,7 @@ def unit_of(d: Diagnosis, equation: str) -> str:
     """Return the SI unit of an equation's residual."""
     from ...equations import all_equations
 
-    stated = next((c.unit for c in d.closure if c.equation == equation and c.unit), "")
+    stated = next((f.unit for f in (*d.closure, *d.equations) if f.equation == equation and f.unit), "")
     known = all_equations()
     return stated or (known[equation].unit if equation in known else "")
 

@@ -30,8 +30,9 @@ class CourseSection(Section):
         limits = shared_limits(d, name, runs)
         pictures, readings = [], []
         for k, run in enumerate(runs):
-            caption = f"{self.words.equation(name)} in {run_named(run)}."
-            caption = f"{caption[:1].upper()}{caption[1:]}"
+            words = self.words.equation(name)
+            words = words if self.words.is_at_ports(words) else f"{words[:1].upper()}{words[1:]}"  # no port's own name
+            caption = f"{words} in {run_named(run)}."
             pictures.append(self.picture(course_figure(d, name, run, limits), str(k), caption))
             if (figure := readings_figure(d, run, name)) is not None:
                 caption = f"Every row of the log in {run_named(run)}."

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 from ..drawings.maps import axes_of, bounds, map_figure
 from ..drawings.windows import equations
-from ..sentences import leading_region, query_words
+from ..sentences import leading_region, region_words
 from .base import Picture, Section
 
 _WORTH = 0.1  # share of the gap from which an equation beside the first one is mapped
@@ -36,7 +36,7 @@ class MapsSection(Section):
                 region = leading_region(d.regions, name)
                 framed = d.gap and region is not None and bool({x, y} & set(bounds(region.query)))
                 caption = f"Mean {words}" + (
-                    f". Framed: {query_words(region.query, self.words)}" if framed and region is not None else ""
+                    f". Framed: {region_words(region.query, self.words)}" if framed and region is not None else ""
                 )
                 pictures.append(self.picture(map_figure(d, name, x, y), f"{name}-{x}-{y}", f"{caption}."))
         return {"pictures": pictures, "added": bool(d.added)}

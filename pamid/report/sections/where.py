@@ -6,7 +6,7 @@ import math
 from typing import Any, ClassVar
 
 from ..quantities import cell, probability
-from ..sentences import query_words
+from ..sentences import region_words
 from .base import Section
 
 _RUNS = 6
@@ -46,7 +46,7 @@ class WhereSection(Section):
         regions = [
             {
                 "equation": self.words.equation(r.equation),
-                "words": query_words(r.query, self.words),
+                "words": region_words(r.query, self.words),
                 "query": r.query,
                 "share": r.share,
                 "text": cell(r.share),
