@@ -53,6 +53,14 @@ def test_every_command_is_known_for_every_kind():
     assert names == {*WORKS, *SAYS, *WITHOUT}
 
 
+def test_the_readme_names_the_commands_for_some_kinds():
+    page = Path(__file__).resolve().parents[2] / "README.md"
+    if not page.is_file():
+        pytest.skip("needs the repository")
+    (line,) = (text for text in page.read_text(encoding="utf-8").splitlines() if text.startswith("- `adapt` is for"))
+    assert line.count("`") == 2 * len(SAYS) and all(f"`{name}`" in line for name in SAYS)
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_commands_that_take_every_kind(kind, every, capsys):
     log, out = arguments(every, kind), every / "out"
