@@ -70,6 +70,12 @@ def git(*words: str) -> str:
     return subprocess.run(["git", *words], cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
 
 
+def passed(revision: str) -> str:
+    """Return how many commits have passed since a revision; a question mark where this history lacks it."""
+    known = subprocess.run(["git", "cat-file", "-e", f"{revision}^{{commit}}"], cwd=ROOT, capture_output=True)
+    return git("rev-list", "--count", f"{revision}..HEAD") if known.returncode == 0 else "?"
+
+
 def matching(pattern: str) -> list[str]:
     """Return the files that a pattern stands for, as a shell does."""
     place = Path(pattern).expanduser()
@@ -106,8 +112,7 @@ def main() -> None:
         raise SystemExit(f"There is no block {', '.join(unknown)}. Expected some of {', '.join(known)}.")
     if args.list or not args.names:
         for b in known.values():
-            passed = git("rev-list", "--count", f"{b.revision}..HEAD")
-            print(f"{b.name:24s} {b.revision} {b.date} {passed:>5s} commits ago  {b.data or ''}")
+            print(f"{b.name:24s} {b.revision} {b.date} {passed(b.revision):>5s} commits ago  {b.data or ''}")
     fresh = [measure(known[name], args.data) for name in args.names]
     for new in fresh:
         PAGE.write_text(replaced(PAGE.read_text(encoding="utf-8"), new), encoding="utf-8")

@@ -115,6 +115,54 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         f"leaves {tracked(twice, inverse, 'steps')} %, PID alone {tracked(twice, alone, 'steps')} %",
     )
 
+    told = re.findall(r"told in (\d+) of (\d+), delay median (\d+) s, largest (\d+) s", blocks["changes"])
+    tenth = re.findall(r"by 10 %: told in 3 of 3, delay median (\d+) s, largest (\d+) s", blocks["changes"])
+    assert all(found == of for found, of, *_ in told)
+    medians, largest = ([int(one[k]) for one in tenth] for k in (0, 1))
+    yield "docs/streaming.md", f"after {min(medians)} to {max(medians)} s in the median, {max(largest)} s at most"
+    named = re.findall(r"^(\w+) .* (\d+) streams: named rightly within 2 s 100.0%", blocks["streaming-runs"], re.M)
+    streams = {who: sum(int(n) for name, n in named if name == who) for who, _ in named}
+    assert len(set(streams.values())) == 1
+    yield (
+        "docs/streaming.md",
+        f"`GapMonitor` and `OnlineAdapter` name a leak or friction within 2 s in all of {streams['GapMonitor']}",
+    )
+    (rate,) = re.findall(r"([\d,]+) a second of one core", blocks["streaming-samples"])
+    yield "docs/streaming.md", f"`OnlineAdapter` takes {rate} samples per second of one core"
+    peak, bound = re.findall(r"parquet +\d+ MB +100000 +[\d.]+ +(\d+) +(\d+)", blocks["large-logs"])[0]
+    yield "docs/distributed.md", f"({peak} MB for 10⁷ rows in pieces of 100,000)"
+    assert int(peak) <= int(bound)
+
+    def at(block: str, name: str, log: int) -> float:
+        return float(line(blocks[block], name)[log - 1].rstrip("*"))
+
+    leak = [f"{at('other-benches-flow', name, 3):g}" for name in ("SINDyRegressor", "ThermodynamicPIHM")]
+    yield "docs/choosing.md", "a volume cannot represent a leak: {} against {} mg/s".format(*leak)
+    geometry, learnt, friction = (
+        at("other-benches-inverse", name, log)
+        for name, log in (("InvertedForce(tondu_lopez)", 1), ("InverseModel", 1), ("InvertedForce(tondu_lopez)", 2))
+    )
+    directed = at("other-benches-inverse", "InverseModel(direction)", 2)
+    beyond = f"{geometry:.2f} kPa instead of {learnt:.1f}; with Coulomb friction, though, {friction:.1f} instead of"
+    yield "docs/choosing.md", f"{beyond} {directed:.1f}"
+    runs = [at("other-benches-dynamic", "ForwardModel(direction)", log) for log in (1, 2, 3)]
+    rows = re.findall(
+        r"^(?!dynamic)(.*?) {2,}([\d.]+)\*? +([\d.]+)\*? +([\d.]+)", blocks["other-benches-dynamic"], re.M
+    )
+    assert len(rows) > 8 and all(sum(float(row[k]) < run for row in rows) <= 1 for k, run in enumerate(runs, 1))
+    yield "docs/choosing.md", f"`ForwardModel(direction)` is best or second ({min(runs):.1f} to {max(runs):.1f} kPa)"
+    arms = re.findall(r"^\| ([^|]*) \| \**([\d.]+)", (ROOT / "docs/published.md").read_text(encoding="utf-8"), re.M)
+    arm = {simulator: error for simulator, error in arms}
+    ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit, another arm"]
+    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | a vendor's fit {vendor} mrad |"
+    yield "docs/published.md", f"the best other fit: {ours} mrad and"
+    aim = "of those named without reserve"
+    (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
+    share = re.findall(r"([\d.]+) % \(", wrong)[0]
+    yield "docs/withheld.md", f"**measured** here were {share} %"
+    yield "docs/diagnosis.md", f"Of those 5 % at most should be wrong; {share} %"
+    yield "docs/theory-diagnosis.md", f"[{share} % were measured]"
+
 
 def test_pages_quote_what_was_recorded() -> None:
     said = list(quoted(recorded()))
@@ -180,6 +228,51 @@ def test_marked_passages_hold_only_recorded_numbers(name: str) -> None:
     assert MARK.search(text)
     wrong = disagreements(text, recorded())
     assert not wrong, "\n".join(wrong)
+
+
+LINK = re.compile(r"\]\((?:\.\./)?(?P<page>benchmarks/[\w/]+\.md|withheld\.md)#(?P<anchor>[\w-]+)\)")
+"""A link to a section with what was measured."""
+PAGES = ["README.md", *(f"docs/{page.name}" for page in sorted((ROOT / "docs").glob("*.md")))]
+
+
+def section(name: str, anchor: str) -> str:
+    """The section of a page, with those below it, blocks as text."""
+    text, found, level = (ROOT / name).read_text(encoding="utf-8"), list[str](), 0
+    for row in text.splitlines():
+        if title := re.match(r"(#+) (.*)", row):
+            slug = re.sub(r"[^\w\- ]", "", title[2].lower()).replace(" ", "-")
+            if level and len(title[1]) <= level:
+                break
+            level = level or (len(title[1]) if slug == anchor else 0)
+        if level and not row.startswith("```"):
+            found.append(row)
+    assert found, f"{name} has no section {anchor}"
+    return "\n".join(found)
+
+
+def unmeasured(text: str) -> list[str]:
+    """Numbers of sentences with a link to a section that this section lacks."""
+    wrong = []
+    for sentence in re.split(r"(?<=[.)|])\s+(?=[A-Z`|*-])", re.sub(r"```.*?```", "", text, flags=re.S)):
+        for link in LINK.finditer(sentence):
+            name = link["page"] if link["page"].startswith("benchmarks") else f"docs/{link['page']}"
+            own = re.sub(r"\[doi\]\([^)]*\)", "", sentence)
+            there = numbers(section(name, link["anchor"]).replace("`", ""))
+            wrong += [f"{n} in: {own}" for n in numbers(own) if not any(agrees(n, at) for at in there)]
+    return wrong
+
+
+def test_sentences_hold_the_numbers_of_the_section_that_they_link() -> None:
+    texts = {name: (ROOT / name).read_text(encoding="utf-8") for name in PAGES}
+    assert sum(len(LINK.findall(text)) for text in texts.values()) >= 12
+    wrong = [f"{name}: {one}" for name, text in texts.items() for one in unmeasured(text)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_a_number_that_a_linked_section_lacks_is_noticed() -> None:
+    link = "([measured](../benchmarks/figures.md#changes-of-a-stream))"
+    assert unmeasured(f"It was 7. None of 300 streams raises an alarm {link}. It is 8.") == []
+    assert len(unmeasured(f"None of 301 streams raises an alarm {link}.")) == 1
 
 
 def test_a_number_that_is_not_recorded_is_noticed() -> None:
