@@ -21,9 +21,10 @@ from scipy.optimize import lsq_linear
 from pamid.bench import BenchParameters, simulate, sine, step, triangle
 from pamid.effects import Effect, Parameter, all_effects
 from pamid.gap.inference.sensitivity import Template, templates
-from pamid.gap.one_equation import evidence_in
 from pamid.gap.residuals.bench import Evidence
-from pamid.gap.residuals.scaling import Scaling, strain_scale
+from pamid.gap.residuals.on_equation import strain_scale
+from pamid.gap.residuals.single import SignalEvidence
+from pamid.simulators.placement import Scales
 
 SMALL, LARGE = 3.0, 300.0
 """Size of an effect, in standard deviations of the noise."""
@@ -114,7 +115,8 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
     noise, scale = 0.004 * float(np.std(target)), strain_scale(table["position"], kind == "muscle")
 
     def held(y: np.ndarray, gap: float) -> Any:
-        return evidence_in(Scaling(scale, target=gap / 10.0), table, y, lambda _: target, codes, DT, equation)
+        scales = Scales(scale, target=gap / 10.0)
+        return SignalEvidence(table, y, lambda _: target, codes, DT, equation, None, scales)
 
     usual = 0.05 * float(np.std(target))
     plain = held(target, usual)
@@ -123,7 +125,7 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
             continue
         shares: list[float] = []
         for _ in range(20 * draws):
-            added = plain.added({name: drawn(effect, plain.reached, rng)}) * usual / 10.0
+            added = plain.added({name: drawn(effect, plain.reached, rng)})
             size = float(np.sqrt(np.mean(np.square(added))))
             if SMALL * noise < size < LARGE * noise:
                 evidence = held(target + added + rng.normal(0.0, noise, len(target)), size)

@@ -17,7 +17,6 @@ from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
 from pamid.gap.one_equation import (
     Measured,
-    evidence_in,
     is_contraction,
     library_for,
     plain,
@@ -26,7 +25,8 @@ from pamid.gap.one_equation import (
     sampling_interval,
     told_units,
 )
-from pamid.gap.residuals.scaling import strain_scale
+from pamid.gap.residuals.on_equation import strain_scale
+from pamid.gap.residuals.single import SignalEvidence
 
 from ._base import SignalEstimator, Signals
 from ._gap_model import hybrid_with
@@ -108,8 +108,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         visited, such that the two likeliest explanations differ most; None where nothing is undecided.
     effects_ : dict
         The causes with the values of their parameters, in the units of y, position and pressure.
-    scaling_ : pamid.gap.residuals.scaling.Scaling
-        The units in which the log looks like that of a muscle.
+    scaling_ : pamid.simulators.placement.Scales
+        Sizes of the log that correspond to one in the units of the library; effects add to y where that of the target
+        is negative.
     findings_, windows_ : dict
         What `diagnosis_` is made of.
     remainder_ : dict of str to ndarray
@@ -211,9 +212,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.position_scale_ = m.position_scale
         library = library_for(self.effects, self.equation, is_contraction(self.plant, m.columns), m.units)
         seed = np.random.RandomState(rng.randint(2**31 - 1))
-        found, inward, gathered, without = diagnose_equation(m, library, self.sense, seed)
-        _, self.scaling_, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
-        self._write(found, inward)
+        found, gathered, without = diagnose_equation(m, library, self.sense, seed)
+        evidence, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
+        self.scaling_ = evidence.scales
+        self._write(found)
         self.remainder_ = {}
         if self.learned_remainder:
             left = np.where(without, 0.0, y - self._corrected(table, m.signals, codes))
@@ -251,20 +253,19 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _fit_simulator(self, X: Any, y: Any, groups: Any) -> Self:
         found, self.target_ = diagnosis_of(self.nominal, self.effects, self.random_state, X, y, groups)
-        self._write(found, found)
+        self._write(found)
         self.corrected_ = self.nominal if found.corrected is None else found.corrected
         self.feature_names_in_ = np.array([str(c) for c in X.columns], dtype=object)
         self.n_features_in_ = len(X.columns)
         return self
 
-    def _write(self, found: Any, inward: Any) -> None:
+    def _write(self, found: Any) -> None:
         self.findings_, self.windows_ = plain(found)
         self.verdict_, self.gap_, self.p_value_ = found.verdict, bool(found.gap), float(found.p_value)
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
         self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
         self.next_experiment_ = found.next_experiment
         self.effects_ = values_of(found.causes)
-        self._inward_ = values_of(inward.causes)
 
     @property
     def diagnosis_(self) -> Any:
@@ -349,8 +350,9 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         if not self.effects_:
             return modelled
         dt = sampling_interval(signals, codes, self.sampling_interval)
-        evidence = evidence_in(self.scaling_, signals, modelled, nominal, codes, dt, self.equation, self.plant)
-        return np.asarray(modelled + self.scaling_.target * evidence.added(self._inward_))
+        evidence = SignalEvidence(signals, modelled, nominal, codes, dt, self.equation, self.plant, self.scaling_)
+        made = [evidence.placements[name].made(values) for name, values in self.effects_.items()]
+        return np.asarray(modelled + evidence.added_by(made))
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

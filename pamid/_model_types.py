@@ -25,6 +25,7 @@ _DATACLASS_PACKAGES = (
     "pamid.adapters",
     "pamid.signals",
     "pamid.effects",
+    "pamid.simulators",
     "pamid.bench",
     "pamid.gap",
     "pamid.gap.residuals",

@@ -29,7 +29,7 @@ from .errors import (
 )
 from .files import write_whole
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 """Version of the file format that `save` writes; `load` reads this one and every earlier one."""
 
 Migration = Callable[[dict[str, Any], dict[str, Any]], tuple[dict[str, Any], dict[str, Any]]]
@@ -221,8 +221,8 @@ def rename_type(schema: dict[str, Any], old: str, new: str) -> dict[str, Any]:
     return visit(schema)
 
 
-def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str) -> dict[str, Any]:
-    """Return a schema in which objects of a type have the attribute ``old`` under the name ``new``."""
+def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str | None) -> dict[str, Any]:
+    """Return a schema in which objects of a type have the attribute ``old`` under the name ``new``, or not at all."""
     module, _, cls = type_name.rpartition(".")
 
     def visit(item: Any) -> Any:
@@ -234,11 +234,20 @@ def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str)
         if item.get("__module__") == module and item.get("__class__") == cls and isinstance(item.get("content"), dict):
             attributes = item["content"].get("content", {})
             item["content"] = item["content"] | {
-                "content": {new if key == old else key: value for key, value in attributes.items()}
+                "content": {new if key == old else key: x for key, x in attributes.items() if new or key != old}
             }
         return item
 
     return visit(schema)
+
+
+def _with_placements(head: dict[str, Any], schema: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read a `GapDiagnoser` whose units had a type of their own."""
+    schema = rename_type(schema, "pamid.gap.residuals.scaling.Scaling", "pamid.simulators.placement.Scales")
+    return head, rename_attribute(schema, "pamid.estimators.gap_diagnoser.GapDiagnoser", "_inward_", None)
+
+
+MIGRATIONS[1] = _with_placements
 
 
 # --- writing ------------------------------------------------------------------------------------------------

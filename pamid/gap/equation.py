@@ -17,11 +17,12 @@ from .design.one_equation import next_for_equation
 from .diagnosis.findings import NextExperiment
 from .diagnosis.result import Diagnosis
 from .engine import explain
-from .one_equation import Gathered, Measured, gather, library_for, outward
+from .one_equation import Gathered, Measured, gather, library_for
 from .residuals.single import SignalEvidence
 from .several.conditions import Conditions, conditions_of
 from .several.engine import naming, refuse_twice, sized, together
 from .several.stacked import Log
+from .simulated import in_units
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,10 +35,9 @@ ADDS = "Effects add to y: the target is the driving force, not the delivered one
 
 
 class Answer(NamedTuple):
-    """A diagnosis of one equation in the units of the log and in typical ones, its evidence, and rows left out."""
+    """A diagnosis of one equation, what it is made from, and the rows that were left out."""
 
     found: Diagnosis
-    inward: Diagnosis
     gathered: Gathered
     without: np.ndarray
 
@@ -47,17 +47,17 @@ def diagnose_equation(m: Measured, library: Sequence[str], sense: str | int, see
     without, notes = m.checked()
     gathered = gather(m, library, sense, without)
     found = explain(gathered.evidence, library, seed, [*_heard(gathered), *notes])
-    return Answer(_outward(found, m, gathered), found, gathered, without)
+    return Answer(_outward(found, m, gathered), gathered, without)
 
 
 def _heard(gathered: Gathered) -> list[str]:
-    return [NOISE.format(100 * gathered.share)] + ([ADDS] if gathered.scaling.target < 0 else [])
+    return [NOISE.format(100 * gathered.share)] + ([ADDS] if gathered.evidence.scales.target < 0 else [])
 
 
 def _outward(found: Diagnosis, m: Measured, gathered: Gathered) -> Diagnosis:
-    told = outward(found, gathered.scaling, m.units)
-    noise = gathered.noise / abs(gathered.scaling.target)
-    return replace(told, next_experiment=next_for_equation(found.rivals, m, gathered.scaling, noise))
+    told = in_units(found, gathered.evidence.placements)
+    run = next_for_equation(found.rivals, m, gathered.evidence.scales, gathered.noise)
+    return replace(told, next_experiment=run, rivals=[])  # the next experiment says what to record
 
 
 # --- simulators that state their equation -------------------------------------------------------------------
@@ -143,8 +143,8 @@ def _several(
     each = list[Log]()
     for k, (name, c) in enumerate(zip(logs, held, strict=True)):
         rows = np.flatnonzero(owner == k)
-        one = m.evidence(gathered.scaling, slice(rows[0], rows[-1] + 1), without)
-        one.assume(gathered.noise / abs(gathered.scaling.target))
+        one = m.evidence(gathered.evidence.scales, slice(rows[0], rows[-1] + 1), without)
+        one.assume(gathered.noise)
         one.weights, one.stretch = gathered.evidence.weights, gathered.evidence.stretch
         one.trajectories = [run.removeprefix(f"{name}: ") for run in one.trajectories]
         each.append(Log(name, one, c.day))
@@ -169,7 +169,7 @@ def _named(
     taken = [new for old, new in names.items() if new != old and new in found.windows.columns]
     corrected: Any = problem.fitted or simulator
     if causes:
-        corrected = corrected.corrected(causes, -1 if gathered.scaling.target < 0 else 1, problem.unit)
+        corrected = corrected.corrected(causes, -1 if gathered.evidence.scales.target < 0 else 1, problem.unit)
     run = found.next_experiment
     return replace(
         found,

@@ -1,38 +1,34 @@
-"""One equation of any actuator against a model: evidence in typical units, and its diagnosis in the log's."""
+"""One equation of any actuator against a model: its signals on a log, and their evidence."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..effects import Effect, Plant, all_effects
+from ..effects import Plant
 from ..errors import ExcitationError, TimeOrderError
 from ..signals.stretches import stuck_rows
+from ..simulators.placement import Scales
 from ..simulators.port_log import PortLog
 from ..simulators.problem import Problem
-from .diagnosis.findings import ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .inference.floor import explainable, measured_noise, sense_of
 from .inference.sensitivity import Template, templates
+from .residuals.on_equation import scales_of, strain_scale
 from .residuals.rates import with_rates
-from .residuals.scaling import Scaling, Table, scaling_of, strain_scale
-from .residuals.single import SignalEvidence
+from .residuals.single import SignalEvidence, Table
 from .residuals.units import Units
-
-if TYPE_CHECKING:
-    from .several.result import Change, LogFinding
 
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
 
 class Gathered(NamedTuple):
-    """One equation, ready for a diagnosis: evidence in typical units, and these; the rest is in the target's unit."""
+    """One equation, ready for a diagnosis, in the unit of its target."""
 
     evidence: SignalEvidence
-    scaling: Scaling
     noise: float
     """Standard deviation of a window's noise."""
     learned: float
@@ -137,21 +133,19 @@ class Measured:
         return notes
 
     def evidence(
-        self, scaling: Scaling | None = None, rows: slice = slice(None), without: np.ndarray | None = None
+        self, scales: Scales | None = None, rows: slice = slice(None), without: np.ndarray | None = None
     ) -> SignalEvidence:
-        """Return the evidence of some rows, whole runs, in typical units; in those of the log without a scaling."""
+        """Return the evidence of some rows, whole runs; effects are in the units of the log without scales."""
         at = np.arange(len(self.y))[rows]
-        codes = self.codes[at]
-        return evidence_in(
-            scaling or Scaling(position=self.position_scale), {k: v[at] for k, v in self.signals.items()}, self.y[at],
-            self.model(at), codes, self.dt, self.equation, self.plant, self.columns, self.names,
-            None if without is None else without[at],
+        return SignalEvidence(
+            {k: v[at] for k, v in self.signals.items()}, self.y[at], self.model(at), self.codes[at], self.dt,
+            self.equation, self.plant, scales or Scales(position=self.position_scale), self.units, self.columns,
+            self.names, None if without is None else without[at],
         )  # fmt: skip
 
     def at_ports(self) -> SignalEvidence:
         """Return the evidence of all rows in the units of the log, as that of a simulator with ports."""
         found = self.evidence()
-        found.units = {self.equation: self.units.target}
         starts = found.borders
         since = np.arange(len(self.y)) - starts[np.searchsorted(starts, np.arange(len(self.y)), side="right") - 1]
         channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
@@ -210,120 +204,22 @@ def gather(
     """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained."""
     residual = m.y - m.nominal(m.signals)
     lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(m.codes)) + 1, [len(m.codes)]])) * m.dt
-    scaling = Scaling(position=m.position_scale)
+    scales = Scales(position=m.position_scale)
     if m.plant is None:
-        scaling = scaling_of(m.signals, residual, float(np.median(lengths)), m.dt, m.position_scale, m.equation)
+        scales = scales_of(m.signals, residual, float(np.median(lengths)), m.dt, m.position_scale, m.equation)
 
-    def look(towards: int) -> tuple[Scaling, SignalEvidence, list[Template]]:
-        scaled = replace(scaling, target=towards * scaling.target)
-        evidence = m.evidence(scaled, without=without)
-        return scaled, evidence, [t for name in library for t in templates(evidence, name)]
+    def look(towards: int) -> tuple[SignalEvidence, list[Template]]:
+        evidence = m.evidence(replace(scales, target=towards * scales.target), without=without)
+        return evidence, [t for name in library for t in templates(evidence, name)]
 
-    chosen, evidence, found = look(1 if sense == "auto" else int(sense))
+    evidence, found = look(1 if sense == "auto" else int(sense))
     # The tension, or the flow, of a muscle that is known is what it delivers.
     if sense == "auto" and m.plant is None and sense_of(evidence, found) < 0:
-        chosen, evidence, found = look(-1)
+        evidence, found = look(-1)
     noise = measured_noise(evidence)
     learned = explainable(evidence, found, noise, seed)
     evidence.assume(noise, learned.left)
-    size = abs(chosen.target)
-    return Gathered(evidence, chosen, noise * size, learned.rms * size, learned.share)
-
-
-def evidence_in(
-    scaling: Scaling,
-    signals: Table,
-    y: np.ndarray,
-    nominal: Callable[[Table], np.ndarray],
-    codes: np.ndarray,
-    dt: float,
-    equation: str,
-    plant: Plant | None = None,
-    labels: Mapping[str, str] | None = None,
-    names: Sequence[str] | None = None,
-    without: np.ndarray | None = None,
-) -> SignalEvidence:
-    """Return the evidence in given units; the arguments are those of `gather`."""
-
-    def modelled(table: Table) -> np.ndarray:
-        return np.asarray(nominal(scaling.outward(table)), dtype=float) / scaling.target
-
-    evidence = SignalEvidence(
-        scaling.inward(signals),
-        y / scaling.target,
-        modelled,
-        codes,
-        dt * scaling.time,
-        equation,
-        plant,
-        scaling.position,
-        columns=labels,
-        shown=signals,
-        without=without,
-    )
-    if names is not None:
-        evidence.trajectories = [str(names[codes[a]]) for a in evidence.borders]
-    return evidence
-
-
-def outward(found: Diagnosis, scaling: Scaling, units: Units) -> Diagnosis:
-    """Return a diagnosis in the units of the log."""
-    size = abs(scaling.target)
-    causes = []
-    for cause in found.causes:
-        first, *others = [
-            _in_units(name, parameters, scaling, units)
-            for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=False)
-        ]
-        causes.append(replace(cause, parameters=first, others=tuple(others)))
-    windows = found.windows.assign(
-        time=found.windows["time"] / scaling.time,
-        **{k: found.windows[k] * scaling.target for k in ("measured", "before", "after")},
-        noise=found.windows["noise"] * size,
-    )
-    return replace(
-        found,
-        bands=[replace(b, from_hz=b.from_hz * scaling.time, to_hz=b.to_hz * scaling.time) for b in found.bands],
-        causes=causes,
-        closure=[
-            replace(
-                c,
-                rmse_before=c.rmse_before * size,
-                rmse_after=c.rmse_after * size,
-                noise_floor=c.noise_floor * size,
-                unit=units.target,
-            )
-            for c in found.closure
-        ],
-        windows=windows,
-        remainder={**found.remainder, "rmse": found.remainder["rmse"] * size} if found.remainder else {},
-        logs=[_log(f, scaling, units) for f in found.logs],
-        changes=[_changed(c, scaling, units) for c in found.changes],
-        rivals=[],  # no run is designed from them by itself: the next experiment says what to record
-    )
-
-
-def _log(found: LogFinding, scaling: Scaling, units: Units) -> LogFinding:
-    return replace(found, parameters={k: _in_units(k, v, scaling, units) for k, v in found.parameters.items()})
-
-
-def _changed(change: Change, scaling: Scaling, units: Units) -> Change:
-    effect = all_effects()[change.effect]
-    p = next(p for p in effect.parameters if p.name == change.parameter)
-    factor = scaling.factor(effect, p)
-    return replace(change, before=change.before * factor, after=change.after * factor, unit=units.of(effect, p))
-
-
-def _in_units(
-    name: str, parameters: Mapping[str, ParameterEstimate], scaling: Scaling, units: Units
-) -> dict[str, ParameterEstimate]:
-    """Return the parameters of an effect in the units of the log."""
-    effect: type[Effect] = all_effects()[name]
-    known = {p.name: p for p in effect.parameters}
-    return {
-        name: p.scaled(scaling.factor(effect, known[name]), units.of(effect, known[name]))
-        for name, p in parameters.items()
-    }
+    return Gathered(evidence, noise, learned.rms, learned.share)
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:

@@ -160,15 +160,24 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     begun = dict(zip(free, map(float, about), strict=True))
     deviations = {n: v + begun.get(n, 0.0) for n, v in found.deviations.items()}
     return replace(
-        found,
+        in_units(found, places, physical),
         notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *notes],
-        causes=[_cause(c, places, physical) for c in found.causes],
-        families=[_cause(c, places, physical) for c in found.families],
-        candidates=[_candidate(c, places) for c in found.candidates],
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         nominal=evidence.given,
         corrected=corrected,
         deviations=deviations,
+    )
+
+
+def in_units(
+    found: Diagnosis, places: Mapping[str, Placement], physical: Mapping[tuple[str, str], str] | None = None
+) -> Diagnosis:
+    """Return a diagnosis with effects and their ports apart, in the units of the ports."""
+    return replace(
+        found,
+        causes=[_cause(c, places, physical or {}) for c in found.causes],
+        families=[_cause(c, places, physical or {}) for c in found.families],
+        candidates=[_candidate(c, places) for c in found.candidates],
         logs=[_log(f, places) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )
@@ -238,7 +247,7 @@ def _cause(cause: Cause, places: Mapping[str, Placement], physical: Mapping[tupl
         for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True)
     ]
     names = tuple(places[e].name for e in cause.effects)
-    ports = tuple(places[e].port for e in cause.effects)
+    ports = tuple(places[e].port for e in cause.effects if places[e].port)
     return replace(cause, effects=names, where=ports, parameters=first, others=tuple(others))
 
 

@@ -64,6 +64,8 @@ class Placement:
     """For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does."""
     link: Link | None = None
     """For an effect between two ports, both: it follows their differences, and acts on both."""
+    numbers: Any = None
+    """Numbers of the system that the effect may use, where its owner gives them."""
 
     # --- values ---------------------------------------------------------------------------------------------
     def factor(self, parameter: str) -> float:
@@ -119,7 +121,7 @@ class Placement:
     @property
     def plant(self) -> Any:
         """Numbers of the system that the effect may use."""
-        return Surroundings(self.scales.ambient)
+        return self.numbers or Surroundings(self.scales.ambient)
 
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
         """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""
@@ -134,6 +136,8 @@ class Placement:
                 x = x / (s.position * s.time)
             elif role == "pressure":
                 x = x * s.pressure + s.offset
+            elif role == "pressure_rate":
+                x = x * s.pressure / s.time
             elif role == "command":
                 x = x / s.command
             elif role in ("force", "flow"):

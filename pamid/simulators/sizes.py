@@ -44,9 +44,8 @@ class SignalSizes(NamedTuple):
 
     @property
     def time(self) -> float:
-        """Scale of one second of the log, s: runs of unusual length are scaled to usual ones."""
-        usual = _RUNS[0] <= self.run_length <= _RUNS[1] and self.interval <= 0.02
-        return 1.0 if usual or self.run_length <= 0.0 else _RUN / self.run_length
+        """Scale of one second of the log, s."""
+        return typical_second(self.run_length, self.interval)
 
     @classmethod
     def together(cls, each: Sequence[SignalSizes]) -> SignalSizes:
@@ -72,6 +71,12 @@ class SignalSizes(NamedTuple):
         """Return whether a signal has both signs: otherwise nothing shows how an effect depends on them."""
         low = self.lows.get(name, -1.0)
         return low < 0.0 < low + self.spans.get(name, 0.0)
+
+
+def typical_second(run_length: float, interval: float) -> float:
+    """Return the scale of one second of a log, s: runs of unusual length are scaled to usual ones."""
+    usual = _RUNS[0] <= run_length <= _RUNS[1] and interval <= 0.02
+    return 1.0 if usual or run_length <= 0.0 else _RUN / run_length
 
 
 def _extremes(each: Sequence[SignalSizes], which: Callable[..., float]) -> dict[str, float]:

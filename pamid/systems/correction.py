@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..effects import Effect, EffectSpec
-from ..gap.one_equation import evidence_in
+from ..effects import EffectSpec
 from ..gap.residuals.rates import with_rates
-from ..gap.residuals.scaling import Scaling, Table
+from ..gap.residuals.single import SignalEvidence, Table
+from ..simulators.placement import Scales
 from ..simulators.problem import Problem
 
 if TYPE_CHECKING:
@@ -21,8 +21,7 @@ class WithEffects:
     """What a nominal equation says once effects are added, which in a sense of -1 add to the target."""
 
     def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:
-        self.problem, self.sense = problem, sense
-        self.effects: list[Effect] = [spec.make(in_units=True) for spec in effects]
+        self.problem, self.effects, self.sense = problem, effects, sense
         changes = problem.groups[1:] != problem.groups[:-1]
         self._codes = np.concatenate([[0], np.cumsum(changes)]).astype(int)
         time = problem.X["time"].to_numpy(dtype=float)
@@ -41,17 +40,10 @@ class WithEffects:
                 problem.nominal(X.assign(**{columns[role]: table[role] for role in columns})), dtype=float
             )
 
-        evidence = evidence_in(
-            Scaling(target=float(self.sense)),
-            with_rates(read, codes, self._dt),
-            modelled,
-            nominal,
-            codes,
-            self._dt,
-            problem.equation,
-            problem.plant,
-        )
-        return np.asarray(modelled + self.sense * evidence.added_by(self.effects))
+        signals, scales = with_rates(read, codes, self._dt), Scales(target=float(self.sense))
+        evidence = SignalEvidence(signals, modelled, nominal, codes, self._dt, problem.equation, problem.plant, scales)
+        made = [evidence.placements[name].made(values) for name, values in self.effects]
+        return np.asarray(modelled + evidence.added_by(made))
 
     def _codes_of(self, X: pd.DataFrame) -> np.ndarray:
         """Return the run of each row: all of the log's, some of them by their label, or else one."""

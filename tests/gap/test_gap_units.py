@@ -10,11 +10,12 @@ from pamid.estimators import GapDiagnoser
 from pamid import diagnose
 from pamid.effects import Signals, all_effects, make_effect
 from pamid.errors import UnknownOptionError
-from pamid.gap.residuals.scaling import Scaling
+from pamid.gap.residuals.on_equation import on_equation
 from pamid.gap.residuals.units import Units, powers_of
 from pamid.report import answers
 from pamid.report.sections import Source
 from pamid.report.sections.parameters import ParametersSection
+from pamid.simulators.placement import Scales
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.joint import Joint
 
@@ -119,28 +120,24 @@ def test_powers_of_a_unit():
 
 @pytest.mark.parametrize("name", [n for n, c in all_effects().items() if "force" in c.hooks() or "torque" in c.hooks()])
 def test_a_parameter_changes_with_the_units_as_its_dimension_says(name):
-    """What an effect adds is the same in millimetres and minutes, if its parameters are turned as `Scaling` says."""
+    """What an effect adds is the same in millimetres and minutes, with its parameters as its placement has them."""
     cls = all_effects()[name]
     # The position of a muscle is its contraction ratio, whatever the units of a log.
     reach = 1.0 if set(cls.kinds) <= {"muscle"} else 40.0
-    scaling = Scaling(position=reach, time=1 / 60, pressure=3.0, target=5.0)
     position = 8.0 + 6.0 * np.sin(0.2 * np.arange(300.0))
     pressure = 4.0e4 + 2.0e4 * np.cos(0.3 * np.arange(300.0))
     log = Signals(position=position, velocity=np.gradient(position, 0.5), pressure=pressure, force=pressure / 1e4)
-    inner = Signals(
-        position=position / (1.0 if cls.site == "joint" else reach),
-        velocity=log.velocity * 60 / (1.0 if cls.site == "joint" else reach),
-        pressure=3.0 * pressure,
-        force=log.force / 5.0,
-    )
+    table = {role: getattr(log, role) for role in ("position", "velocity", "pressure", "force")}
+    scales = Scales(position=reach, time=1 / 60, pressure=3.0, target=5.0)
+    place = on_equation(table, "torque", scales, Units(), None)[name]
 
     class Bare:
         atmospheric_pressure = 0.0
 
-    effect = make_effect(name)
+    effect, inner = make_effect(name), place.signals(table)
     other = cls()
-    for p in cls.parameters:
-        setattr(other, p.name, effect.values[p.name] * scaling.factor(cls, p))
+    for word, value in place.outward(effect.values).items():
+        setattr(other, word, value)
     start, hook = np.array([0]), "torque" if "torque" in cls.hooks() else "force"
     try:
         want = getattr(effect, hook)(inner, effect.trace(inner, Bare, 0.5 / 60, start), Bare)

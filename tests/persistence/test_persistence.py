@@ -176,7 +176,7 @@ def test_unknown_format_version(version, tmp_path):
         inspect(file)
 
 
-@pytest.mark.parametrize("name", ["model_format1", "geometric_force_format1"])
+@pytest.mark.parametrize("name", ["model_format1", "geometric_force_format1", "gap_diagnoser_format1"])
 def test_file_of_format_1_loads(name):
     file = DATA / f"{name}.pamid"
     assert inspect(file)["format"] == 1

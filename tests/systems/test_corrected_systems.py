@@ -129,3 +129,12 @@ def test_runs_keep_their_memory_apart():
 def test_effects_of_a_page_are_checked(effects, error, words):
     with pytest.raises(error, match=words):
         Cylinder(bore=0.025, effects=effects)
+
+
+def test_an_offset_of_the_force_that_moves_a_rod_keeps_its_sign_in_its_page():
+    log = cylinder(-1)
+    log["F"] += 5.0
+    found = diagnose(log, Cylinder(bore=0.025, force="imposed"), ["viscous_friction", "force_bias"])
+    problem = found.corrected.problem(log)
+    assert {c.effects for c in found.causes} == {("viscous_friction",), ("force_bias",)}
+    assert abs(np.mean(problem.y - problem.nominal(problem.X))) < 0.1

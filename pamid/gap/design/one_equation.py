@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ...simulators.placement import Scales
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
-from ..one_equation import Measured, evidence_in
+from ..one_equation import Measured
 from ..residuals.rates import with_rates
-from ..residuals.scaling import Scaling
+from ..residuals.single import SignalEvidence
 from .plan import TELLS
 
 MOVED = ("position", "pressure", "command")
@@ -21,7 +22,7 @@ Signals = dict[str, np.ndarray]
 
 
 def next_for_equation(
-    rivals: Sequence[Rival], m: Measured, scaling: Scaling, noise: float, *, designs: int = 60, seed: int = 0
+    rivals: Sequence[Rival], m: Measured, scales: Scales, noise: float, *, designs: int = 60, seed: int = 0
 ) -> NextExperiment | None:
     r"""Return the run that best distinguishes the two likeliest explanations of one equation.
 
@@ -30,7 +31,7 @@ def next_for_equation(
 
     .. math:: D = \tfrac{n}{2} \log\Big(1 + \frac{\min_a \|d - a\,g_2\|^2}{n \sigma^2}\Big)
 
-    with the noise σ of a window, in typical units.
+    with the noise σ of a window.
     """
     two, signals, dt = list(rivals)[:2], m.signals, m.dt
     may_move = MOVED[:1] if m.equation == "torque" else MOVED  # a joint's load follows from its motion
@@ -52,7 +53,7 @@ def next_for_equation(
         if rate in made and of in moved:
             made[rate] = with_rates({of: made[of]}, codes, dt)[rate]
     nominal = m.usual(designs * n)
-    source = evidence_in(scaling, made, nominal(made), nominal, codes, dt, m.equation, m.plant)
+    source = SignalEvidence(made, nominal(made), nominal, codes, dt, m.equation, m.plant, scales)
     first, second = (source.means(r.effects) for r in two)
     run = source.run
     told = np.array([_difference(first[run == k], second[run == k], noise) for k in range(designs)])

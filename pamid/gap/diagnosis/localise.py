@@ -193,6 +193,7 @@ def bands(evidence: ResidualSource, equation: str, gap: np.ndarray) -> list[Band
     """Return how the power of an equation's gap is spread over frequency."""
     part = evidence.parts[evidence.equations.index(equation)]
     g, run, side, time = gap[part], evidence.run[part], evidence.side[part], evidence.time[part]
+    edges = np.array(BANDS) * evidence.pace
     power = np.zeros(len(BANDS))
     for key in np.unique(np.column_stack([run, side]), axis=0):
         mine = (run == key[0]) & (side == key[1])
@@ -202,9 +203,9 @@ def bands(evidence: ResidualSource, equation: str, gap: np.ndarray) -> list[Band
         spectrum = np.abs(np.fft.rfft(x)) ** 2
         spectrum[1:] *= 2.0
         f = np.fft.rfftfreq(len(x), float(np.median(np.diff(t))))
-        for k, (low, high) in enumerate(BANDS):
+        for k, (low, high) in enumerate(edges):
             power[k] += float(spectrum[(f >= low) & (f < high + (1e-9 if k == len(BANDS) - 1 else 0.0))].sum()) / len(x)
-    return [Band(equation, *b, share=float(s)) for b, s in zip(BANDS, shares(power), strict=True)]
+    return [Band(equation, float(a), float(b), float(s)) for (a, b), s in zip(edges, shares(power), strict=True)]
 
 
 def trajectories(evidence: ResidualSource, power: np.ndarray) -> list[TrajectoryShare]:

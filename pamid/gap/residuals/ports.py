@@ -122,7 +122,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self._measure_noise()
         self.weights = 1.0 / self.memory
         lengths = np.array([b - a for a, b in log.spans]) * log.dt
-        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self.sizes.time != 1.0 else 0.3
+        self.pace = self.sizes.time
+        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self.pace != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():

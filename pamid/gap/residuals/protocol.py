@@ -64,6 +64,8 @@ class ResidualSource(Protocol):
         Effects that act alike, each by the other's name: no log of this simulator distinguishes them.
     curved : bool
         Whether tolerances are so wide that sensitivities vary within them: `slopes` then differ from `J`.
+    pace : float
+        What a second of the log counts, s: 1 unless its runs are of unusual length.
     one_sided : bool
         Whether `side` is the place of a window's equation, not a muscle.
     """
@@ -94,6 +96,7 @@ class ResidualSource(Protocol):
     bends: bool
     curved: bool
     twins: Mapping[str, str]
+    pace: float
     one_sided: bool
     least_gain: float
     decisive: float

@@ -11,26 +11,23 @@ from typing import Any
 
 import numpy as np
 
-from ...constants import ATMOSPHERIC_PRESSURE
-from ...effects import Effect, Parameter, Plant, Signals, all_effects
-from ...effects.plant import Surroundings
+from ...effects import Effect, Parameter, Plant
 from ...equations.noise import channel_noise
 from ...remembered import Remembered
 from ...signals.paths import play, reversals, steady_path
 from ...signals.roles import ROLES, STATE_ROLES
+from ...simulators.placement import Scales
 from ...simulators.port_log import PortLog
 from ..settings import LEAST_GAIN
+from .on_equation import OUTPUT, SENSED, on_equation
 from .protocol import STATE, Spec
 from .straight import Straight
+from .units import Units
 from .window_length import LEAST_WINDOWS
 
 Table = Mapping[str, np.ndarray]
 """Signals by role, see `pamid.effects.Signals`."""
 
-OUTPUT = {"force": ("F", "force"), "torque": ("F", "force"), "flow": ("mdot", "flow")}
-"""For each kind of target the sensor channel that measures it and its role."""
-INPUTS = {channel: ROLES[channel] for channel in ("P", "q")}
-"""For each sensor channel of an input its role."""
 WINDOW = 0.02
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 MOST_KEPT, MOST_BYTES = 2000, 64 * 2**20  # the bytes are a few dozen memories of a log of ordinary length
@@ -39,21 +36,12 @@ UNTURNED = -12.0
 """Logarithm of the odds of an effect that follows a path alone which was never seen to turn back."""
 
 
-def _is_gauge(pressure: np.ndarray | None) -> bool:
-    """Return whether pressures are gauge pressures: absolute ones are not far below the ambient pressure."""
-    return pressure is not None and len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
-
-
-def _less_ambient(nominal: Callable[[Table], np.ndarray]) -> Callable[[Table], np.ndarray]:
-    return lambda table: nominal({**table, "pressure": table["pressure"] - ATMOSPHERIC_PRESSURE})
-
-
 class SignalEvidence(Straight):
     """Residuals of one equation under effects that its model leaves out.
 
-    A `pamid.gap.residuals.protocol.ResidualSource` without tolerances. Effects see the position over `position_scale`,
-    a length or an angle; `columns` and `shown` are the user's names of the roles and the signals in the user's units,
-    and windows with a row of `without` are left out.
+    A `pamid.gap.residuals.protocol.ResidualSource` without tolerances, in the units of the log. `scales` are what is
+    typical there; effects add to the target where that of the target is negative. `columns` are the user's names of the
+    roles, `names` those of the runs, and windows with a row of `without` are left out.
     """
 
     exact = False
@@ -70,31 +58,20 @@ class SignalEvidence(Straight):
     """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
 
     def __init__(
-        self,
-        table: Table,
-        y: np.ndarray,
-        nominal: Callable[[Table], np.ndarray],
-        codes: np.ndarray,
-        dt: float,
-        equation: str,
-        plant: Plant | None = None,
-        position_scale: float = 1.0,
-        columns: Mapping[str, str] | None = None,
-        shown: Table | None = None,
+        self, table: Table, y: np.ndarray, nominal: Callable[[Table], np.ndarray], codes: np.ndarray, dt: float,
+        equation: str, plant: Plant | None = None, scales: Scales | None = None, units: Units | None = None,
+        columns: Mapping[str, str] | None = None, names: Sequence[str] | None = None,
         without: np.ndarray | None = None,
-    ) -> None:
-        self.table, self.y, self.dt, self.effects = dict(table), y, dt, all_effects()
-        if plant is None and equation == "flow" and _is_gauge(self.table.get("pressure")):
-            # What leaks depends on the absolute pressure.
-            self.table["pressure"] = self.table["pressure"] + ATMOSPHERIC_PRESSURE
-            nominal = _less_ambient(nominal)
-        self.nominal = nominal
-        around = 0.0 if _is_gauge(self.table.get("pressure")) else ATMOSPHERIC_PRESSURE
-        self.plant: Any = plant or Surroundings(around)
-        self.scale, self.kind = position_scale, equation
+    ) -> None:  # fmt: skip
+        self.table, self.y, self.nominal = dict(table), y, nominal
+        self.scales, self.kind, units = scales or Scales(), equation, units or Units()
+        self.placements = on_equation(self.table, equation, self.scales, units, plant)
+        self.effects: Mapping[str, type[Effect]] = {name: place.effect for name, place in self.placements.items()}
+        self.pace = self.scales.time
+        self.dt = dt * self.pace
         edges = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
         self.borders = np.array(edges[:-1])
-        self.n = max(1, min(round(WINDOW / dt), len(codes) // LEAST_WINDOWS))
+        self.n = max(1, min(round(WINDOW / self.dt), len(codes) // LEAST_WINDOWS))
         self.first = np.concatenate(
             [np.arange(a, b - self.n + 1, self.n) for a, b in pairwise(edges) if b - a >= self.n] or [np.zeros(0, int)]
         ).astype(int)
@@ -106,15 +83,15 @@ class SignalEvidence(Straight):
         mean, lengths = np.full(self.n, 1.0 / self.n), np.diff(edges)
         power = [channel_noise((y - self.predicted)[a:b], self.n).variance(mean) for a, b in pairwise(edges)]
         self.channel = float(np.sqrt(np.average(power, weights=lengths)))
-        self.equations, self.units = [equation], {equation: ""}
+        self.equations, self.units = [equation], {equation: units.target}
         self.parts = [slice(0, len(self.first))]
         self.run = np.searchsorted(self.borders, self.first, side="right") - 1
         self.block, self.side = self.run, np.zeros(len(self.first), dtype=int)
-        self.trajectories = [str(codes[a]) for a in self.borders]
+        self.trajectories = [str(codes[a]) if names is None else str(names[codes[a]]) for a in self.borders]
         self.time = (self.first - self.borders[self.run] + (self.n - 1) / 2) * dt
         self.measured = self._mean(y)
         self.value = self._mean(y - self.predicted)
-        self.weights, self.stretch = np.ones(1), 0.3
+        self.weights, self.stretch = np.ones(1), 0.3 / self.pace
         self._means: Remembered[np.ndarray] = Remembered(MOST_KEPT)
         self._remembered: Remembered[np.ndarray] = Remembered(MOST_BYTES, attrgetter("nbytes"))
         self.assume(0.0)
@@ -124,8 +101,7 @@ class SignalEvidence(Straight):
         self._touched: dict[str, bool] = {}
         self.centre = centre = self.first + self.n // 2
         empty = np.full(len(self.first), np.nan)
-        seen = self.table if shown is None else shown
-        self.state = {k: seen[r][centre] if (r := _ROLES.get(k, "")) in seen else empty for k in STATE}
+        self.state = {k: self.table[r][centre] if (r := _ROLES.get(k, "")) in self.table else empty for k in STATE}
         self._columns = dict(columns or {})
         self._path: np.ndarray | None = None
 
@@ -139,7 +115,8 @@ class SignalEvidence(Straight):
             self.weights = np.array([1.0 / memory])
             step = self.n * self.dt
             # Enough stretches remain for their signs to be informative.
-            self.stretch = float(np.clip(3.0 * memory * step, 0.3, max(0.3, len(left) * step / 24.0)))
+            stretch = float(np.clip(3.0 * memory * step, 0.3, max(0.3, len(left) * step / 24.0)))
+            self.stretch = stretch / self.pace
 
     @property
     def path(self) -> np.ndarray:
@@ -183,7 +160,7 @@ class SignalEvidence(Straight):
         reverses could be any function of time.
         """
         effect = self.effects[name]
-        if self.scale == 1.0:
+        if self.scales.position == 1.0:
             return effect.prior
         if effect.follows_path() and self._turns() < len(self.borders):
             return min(effect.prior, UNTURNED)
@@ -201,12 +178,12 @@ class SignalEvidence(Straight):
         return self.added_by([self.effects[name](**values) for name, values in spec.items()])
 
     def added_by(self, effects: Sequence[Effect]) -> np.ndarray:
-        """Return what effects add to the modelled target at each sample."""
-        table, base = dict(self.table), self.predicted
-        faults = tuple(e for e in effects if INPUTS.get(e.channel) in self.table)
+        """Return what effects, with values in the library's units, add to the modelled target at each sample."""
+        table, base, places = dict(self.table), self.predicted, self.placements
+        faults = tuple(e for e in effects if SENSED.get(e.channel) in self.table)
         for effect in faults:
-            role = INPUTS[effect.channel]
-            table[role] = np.asarray(effect.restore(table[role], self.dt, self.borders), dtype=float)
+            role = SENSED[effect.channel]
+            table[role] = places[effect.name].truth(effect, table[role], self.dt / self.pace, self.borders)
         if faults:
             base = np.asarray(self.nominal(table), dtype=float)
         holding = tuple(e for e in effects if type(e).braid_pressure is not Effect.braid_pressure)
@@ -214,42 +191,39 @@ class SignalEvidence(Straight):
         total = np.array(base, dtype=float)
         for effect in effects:
             seen, through = (braid, (*faults, *holding)) if effect.on_braid else (table, faults)
-            total += self._remembered.get((through, effect), partial(self._hooks, effect, seen, through))
+            added = self._remembered.get((through, effect), partial(self._hooks, effect, seen, through))
+            total += self.scales.target * added
         for effect in effects:
-            channel, role = OUTPUT[self.kind]
-            if effect.channel == channel:
-                x = None
-                if effect.n_states:
-                    x = effect.trace(Signals(**{role: total}), self.plant, self.dt, self.borders)
-                total = np.asarray(effect.measure(total, x), dtype=float)
+            if effect.channel == OUTPUT[self.kind]:
+                total = places[effect.name].reading(effect, total, self.dt / self.pace, self.borders)
         return total - self.predicted
 
     def _on_braid(self, holding: Sequence[Effect], table: Table) -> Table:
         """Return the signals with the pressure that acts on the braid."""
         for effect in holding:
-            s = Signals(position=table["position"] / self.scale, pressure=table["pressure"])
-            table = {**table, "pressure": np.asarray(effect.braid_pressure(s, self.plant), dtype=float)}
+            place = self.placements[effect.name]
+            s = place.signals(table)
+            table = {**table, "pressure": np.asarray(effect.braid_pressure(s, place.plant), dtype=float)}
         return table
 
     def reach(self, spec: Spec) -> np.ndarray:
         """Return the share of a small addition to the model that reaches each window's reading; none if slack."""
-        bending = {k: v for k, v in spec.items() if self.effects[k].channel == OUTPUT[self.kind][0]}
+        bending = {k: v for k, v in spec.items() if self.effects[k].channel == OUTPUT[self.kind]}
         straight = {k: v for k, v in spec.items() if k not in bending}
         total = self.predicted + (self.added(straight) if straight else 0.0)
         small = 1e-4 * float(np.std(self.y)) + 1e-12
         passed = np.ones(len(total))
-        for effect in (self.effects[k](**v) for k, v in bending.items()):
+        for place, effect in ((self.placements[k], self.effects[k](**v)) for k, v in bending.items()):
             if not effect.n_states:
-                before = np.asarray(effect.measure(total, None), dtype=float)
-                passed = passed * (np.asarray(effect.measure(total + small, None), dtype=float) - before) / small
-                total = before
+                before, after = (place.reading(effect, x, self.dt, self.borders) for x in (total, total + small))
+                passed, total = passed * (after - before) / small, before
         return self._mean(passed)
 
     def reached(self, p: Parameter) -> Parameter:
         """Return bounds that the model reaches, beyond which a limit does nothing, and periods in a range."""
         if p.periods:
             return p.over(float(np.ptp(self.table["position"])) if "position" in self.table else 0.0)
-        top = float(np.max(np.abs(self.predicted), initial=0.0))
+        top = float(np.max(np.abs(self.predicted), initial=0.0)) / abs(self.scales.target)
         lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
         # A limit of another signal than the reading, such as a command's, keeps its own bounds.
         return replace(p, lower=lower, upper=upper, nominal=min(0.6 * top, upper)) if p.idle and lower < upper else p
@@ -258,27 +232,23 @@ class SignalEvidence(Straight):
         hooks = {"force": {"force"}, "torque": {"force", "torque"}, "flow": {"flow"}}[self.kind]
         if not hooks & set(effect.hooks()):
             return np.zeros(len(self.y))
-        scale = 1.0 if effect.site == "joint" else self.scale
-        used = dict(table)
+        place, used = self.placements[effect.name], dict(table)
         if effect.path_dependent and used.get("position") is self.table.get("position"):
             used["position"] = self.path
-        for role in ("position", "velocity"):
-            if role in used:
-                used[role] = used[role] / scale
         # Without a pressure, growth with it is undefined.
-        used.setdefault("pressure", np.full(len(self.y), self.plant.atmospheric_pressure))
-        s = Signals(**used)
+        used.setdefault("pressure", np.full(len(self.y), place.plant.atmospheric_pressure))
+        s = place.signals(used)
         bent = tuple(effect.values[p.name] for p in effect.parameters if not p.linear)
         x = self._remembered.get(
-            (faults, effect.name, bent), lambda: np.asarray(effect.trace(s, self.plant, self.dt, self.borders))
+            (faults, effect.name, bent), lambda: np.asarray(effect.trace(s, place.plant, self.dt, self.borders))
         )
         total: Any = 0.0
         if self.kind == "flow":
-            a, b = effect.flow(s, x, self.plant)
-            return np.broadcast_to(a + (b * used["pressure_rate"] if np.any(b) else 0.0), self.y.shape).astype(float)
+            a, b = effect.flow(s, x, place.plant)
+            return np.broadcast_to(a + (b * s.pressure_rate if np.any(b) else 0.0), self.y.shape).astype(float)
         for hook in ("force", "torque"):
             if hook in hooks and hook in effect.hooks():
-                total = total + getattr(effect, hook)(s, x, self.plant)
+                total = total + getattr(effect, hook)(s, x, place.plant)
         return np.broadcast_to(total, self.y.shape).astype(float)
 
     def z(self, spec: Spec, deviations: Any = None, equations: Sequence[str] | None = ()) -> np.ndarray:
@@ -301,8 +271,7 @@ class SignalEvidence(Straight):
             effect = self.effects[name]
             needed = set(effect.roles)
             if effect.channel:
-                needed = {INPUTS.get(effect.channel, OUTPUT[self.kind][1])}
-                known = INPUTS.get(effect.channel) in self.table or effect.channel == OUTPUT[self.kind][0]
+                known = SENSED.get(effect.channel) in self.table or effect.channel == OUTPUT[self.kind]
             else:
                 known = needed - {"pressure"} <= set(self.table)
             try:

@@ -18,6 +18,7 @@ class Straight:
     effects: Mapping[str, type[Effect]]
     curved = False
     one_sided = False
+    pace = 1.0
     twins: Mapping[str, str] = MappingProxyType({})
     lasting: Collection[str] = ()
 

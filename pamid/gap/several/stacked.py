@@ -84,6 +84,7 @@ class StackedEvidence:
         }
         self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if e in sharp]
         self.stretch = max(s.stretch for s in sources)
+        self.pace = sources[0].pace
         self.least_gain = max(s.least_gain for s in sources)
         self.decisive = max(s.decisive for s in sources)
         self._state: dict[str, np.ndarray] | None = None
