@@ -39,11 +39,13 @@ def log() -> pd.DataFrame:
     return simulate(NOMINAL, RUNS, seed=3)
 
 
-@pytest.fixture(autouse=True)
-def _quick_reports(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, scope="module")
+def _quick_reports(request: pytest.FixtureRequest) -> Iterator[None]:
     """Leave the drawing of reports, which takes most of a small diagnosis, to the rooms that look at them."""
-    if request.path.parent.name not in DRAWN:
-        monkeypatch.setattr("pamid.report.svg.inline_svg", _undrawn)
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name not in DRAWN:
+            patch.setattr("pamid.report.svg.inline_svg", _undrawn)
+        yield
 
 
 def _undrawn(figure: object, name: str, words: str) -> str:

@@ -11,6 +11,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator, Sequence
+from functools import cache
 from types import ModuleType
 from typing import Any
 
@@ -57,6 +58,12 @@ def commands() -> list[ModuleType]:
 
 def build_parser() -> argparse.ArgumentParser:
     """Return the parser with all commands."""
+    return _parser(*commands())
+
+
+@cache
+def _parser(*known: ModuleType) -> argparse.ArgumentParser:
+    """Return the parser of some commands, which parses any number of times."""
     parser = argparse.ArgumentParser(
         prog="pamid",
         description=_DESCRIPTION,
@@ -67,11 +74,11 @@ def build_parser() -> argparse.ArgumentParser:
         "--version", action=ShowVersions, nargs=0, help="show the versions of pamid, Python and the dependencies"
     )
     subparsers = parser.add_subparsers(title="commands", dest="command", metavar="COMMAND")
-    for module in commands():
+    for module in known:
         before = set(subparsers.choices)
         module.add_parser(subparsers)
         for name in set(subparsers.choices) - before:
-            subparsers.choices[name].set_defaults(run_command=module.run)
+            subparsers.choices[name].set_defaults(command_module=module)
     return parser
 
 
@@ -87,7 +94,7 @@ def run(argv: Sequence[str] | None = None) -> int:
             if args.command is None:
                 parser.print_help()
                 return WRONG_USE
-            code = int(args.run_command(args))
+            code = int(args.command_module.run(args))
             sys.stdout.flush()
             return code
     except SystemExit as stop:  # argparse has said what it had to

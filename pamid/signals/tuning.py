@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from .noise import noise_level
 
 _BINS = 1500
 _LENGTHS = 8
-"""Lengths of runs whose gains are kept at a time."""
+"""Lengths of runs whose bins and gains are kept at a time."""
 Gain = Callable[[np.ndarray, float], np.ndarray]
 
 
@@ -43,16 +44,28 @@ def spectrum(y: np.ndarray, sigma: float | None = None, ends: int = 5) -> Spectr
     n = len(y)
     sigma = noise_level(y) if sigma is None else sigma
     coefficients = dst((y - _end_cubic(y, ends))[1:-1], type=1, norm="ortho")
-    m = len(coefficients)
+    omega, edges, count = _bins(n)
+    power = _without_chance(np.add.reduceat(coefficients**2, edges), count, sigma**2)
+    return Spectrum(omega, power, count, sigma**2)
+
+
+@lru_cache(maxsize=_LENGTHS)
+def _bins(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mean frequency, first coefficient and number of coefficients of each bin, for n samples."""
+    m = n - 2
     omega = np.pi * np.arange(1, m + 1) / (n - 1)
     if m > _BINS:
         edges = np.unique(np.concatenate([np.arange(400), np.geomspace(400, m, _BINS - 399).astype(int)]))[:-1]
     else:
         edges = np.arange(m)
     count = np.diff(np.append(edges, m)).astype(float)
-    power = np.add.reduceat(coefficients**2, edges)
-    power = _without_chance(power, count, sigma**2)
-    return Spectrum(np.add.reduceat(omega, edges) / count, power, count, sigma**2)
+    return np.add.reduceat(omega, edges) / count, edges, count
+
+
+@lru_cache(maxsize=_LENGTHS)
+def _gains(gain: Gain, n: int, cutoffs: tuple[float, ...]) -> list[np.ndarray]:
+    """Gains at each cut-off, in half-cycles per sample, for n samples: signals and runs of one length share them."""
+    return [gain(_bins(n)[0], cutoff) for cutoff in cutoffs]
 
 
 def _end_cubic(y: np.ndarray, ends: int) -> np.ndarray:
@@ -117,22 +130,21 @@ def tune(
     if noises is None:
         noises = [noise_level(y) for y in signals]
     runs = [(y, h, s) for y, h, s in zip(signals, periods, noises, strict=True) if len(y) >= 8]
-    chosen = _least_risk([spectrum(y, s) for y, _, s in runs], [h for _, h, _ in runs], gain, cutoffs)
+    lengths, steps = [len(y) for y, *_ in runs], [h for _, h, _ in runs]
+    chosen = _least_risk([spectrum(y, s) for y, _, s in runs], lengths, steps, gain, cutoffs)
     if not curved_ends:
         return chosen
     # Over about a period of that cut-off the signal is close to a cubic, which gives its curvature at the ends.
     refined = [spectrum(y, s, round(1.0 / (chosen * h))) for y, h, s in runs]
     # The ends count too much with the line and too little with the cubic: the middle of the two is taken.
-    return float(np.sqrt(chosen * _least_risk(refined, [h for _, h, _ in runs], gain, cutoffs)))
+    return float(np.sqrt(chosen * _least_risk(refined, lengths, steps, gain, cutoffs)))
 
 
-def _least_risk(spectra: list[Spectrum], periods: list[float], gain: Gain, cutoffs: np.ndarray) -> float:
-    risks, known = np.zeros(len(cutoffs)), dict[tuple[bytes, float], list[np.ndarray]]()
-    for s, period in zip(spectra, periods, strict=True):
-        at, key = [min(float(c) * period, 0.45) for c in cutoffs], (s.omega.tobytes(), period)
-        if key not in known:  # runs of one length share the gains
-            while len(known) >= _LENGTHS:
-                known.pop(next(iter(known)))
-            known[key] = [gain(s.omega, c) for c in at]
-        risks += [derivative_risk(s, g) / period**2 for g in known[key]]
+def _least_risk(
+    spectra: list[Spectrum], lengths: list[int], periods: list[float], gain: Gain, cutoffs: np.ndarray
+) -> float:
+    risks = np.zeros(len(cutoffs))
+    for s, n, period in zip(spectra, lengths, periods, strict=True):
+        gains = _gains(gain, n, tuple(min(float(c) * period, 0.45) for c in cutoffs))
+        risks += [derivative_risk(s, g) / period**2 for g in gains]
     return float(cutoffs[int(np.argmin(risks))] if risks.any() else cutoffs[-1])

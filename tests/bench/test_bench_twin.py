@@ -235,17 +235,24 @@ def _signals(true, m, log):
 ACTING = [name for name, effect in all_effects().items() if name != "rectification" and effect.domain != "temperature"]
 
 
+RUNS = [sine(10, 25, 500, lead=0), step(0, 15, 500, at=0.1, lead=0)]
+
+
+@pytest.fixture(scope="module")
+def quiet():
+    """The runs without an effect."""
+    return simulate(B, RUNS, sensors=IDEAL, truth=True)[1]
+
+
 @pytest.mark.parametrize("name", ACTING)
-def test_simulated_effect_is_the_one_predicted_from_the_log(name):
+def test_simulated_effect_is_the_one_predicted_from_the_log(name, quiet):
     """An effect in the simulator changes its equations by what the same effect predicts from the signals, no others."""
     effect = make_effect(name)
     effect = effect.replace(**{"valve_saturation": {"limit": 0.2}, "threshold_pressure": {"growth": 2e5}}.get(name, {}))
-    runs = [sine(10, 25, 500, lead=0), step(0, 15, 500, at=0.1, lead=0)]
-    log, true = simulate(B, runs, sensors=IDEAL, effects=[effect], truth=True, substeps=2)
+    log, true = simulate(B, RUNS, sensors=IDEAL, effects=[effect], truth=True, substeps=2)
     assert np.isfinite(true.drop(columns="trajectory").to_numpy()).all()
     params = B.replace(effects=[(effect.name, effect.values)]).adjusted()
     plant, starts, hooks = params.plant(), np.array([0, 500]), effect.hooks()
-    quiet = simulate(B, runs, sensors=IDEAL, truth=True)[1]
     assert any(not np.allclose(log[c], quiet[c], rtol=1e-4, atol=1e-9) for c in ("q", "P1", "F1", "mdot1"))
     law = {
         "sonic_conductance": plant.sonic_conductance,

@@ -8,6 +8,7 @@ import importlib
 import inspect
 import pkgutil
 import re
+from functools import cache
 
 import pytest
 from numpydoc.docscrape import NumpyDocString
@@ -36,6 +37,7 @@ CODES = {
 COMPLETE = {"PR01", "RT01", "YD01"}
 
 
+@cache
 def public_modules() -> list[str]:
     names = [m.name for m in pkgutil.walk_packages(pamid.__path__, "pamid.")]
     if "pamid.estimators" not in names:  # a checkout keeps them beside the package
@@ -46,6 +48,7 @@ def public_modules() -> list[str]:
     return ["pamid", *(n for n in names if not re.search(r"\._", n) and not n.endswith("__main__"))]
 
 
+@cache
 def public_objects() -> list[str]:
     found = []
     for module_name in public_modules():
@@ -83,6 +86,7 @@ def faults(path: str, codes: set[str]) -> list[str]:
     return [f"{path}: {code} {message}" for code, message in validate(path)["errors"] if code in codes]
 
 
+@cache
 def exported() -> set[str]:
     """Paths of what the packages export by name."""
     paths = set()
