@@ -42,7 +42,7 @@ def hybrid_of(source: Any, who: str) -> HybridModel:
         )
     if getattr(found, "effect_values_", None):
         raise IncompatibleError(
-            f"The source of {who} has effects with memory: {', '.join(found.effect_values_)}.",
+            f"The source of {who} was fitted with effects: {', '.join(found.effect_values_)}.",
             "a source without effects",
             "Fit the source without effects.",
         )

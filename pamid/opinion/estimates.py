@@ -36,10 +36,11 @@ class Open(NamedTuple):
 
     def __str__(self) -> str:
         """Return the combination and how far it is open."""
-        first = next(iter(self.weights))
-        terms = " and ".join(f"{n} by {100 * w:+.0f} %" for n, w in self.weights.items())
+        first, *others = self.weights
         far = "unbounded" if self.spread > 10.0 else f"± {100 * 1.645 * self.spread:.0f} %"
-        return f"{terms} together ({far} in {first})" if len(self.weights) > 1 else f"{first} ({far})"
+        changes = ", ".join(f"{n} by {100 * w:+.0f} %" for n, w in self.weights.items())
+        names = f"{', '.join([first, *others[:-1]])} and {others[-1]}" if others else first
+        return f"{names}, which may change together ({changes}; {far} in {first})" if others else f"{first} ({far})"
 
 
 class Estimates(NamedTuple):

@@ -130,7 +130,7 @@ class Opinion:
             said.append("Something is missing in the simulator that the library does not hold.")
         else:
             said.append("Nothing is missing in the simulator that this log shows.")
-        said += [f"This log does not fix {direction}." for direction in self.flat]
+        said += [f"This log does not determine {direction}." for direction in self.flat]
         if holds := [j.name for j in self.numbers if j.status == "holds"]:
             said.append(f"Hold on this log: {', '.join(holds)}.")
         if self.unmatched:
@@ -336,7 +336,7 @@ def _between(j: Judgement, values: Sequence[float], found: Diagnosis) -> Judgeme
 
 
 def _opened(j: Judgement) -> Judgement:
-    return Judgement(j.name, "open", j.fitted, j.value, j.ci90, j.unit, f"{j.why}; this log does not fix it")
+    return Judgement(j.name, "open", j.fitted, j.value, j.ci90, j.unit, f"{j.why}; this log does not determine it")
 
 
 def _next(found: Diagnosis, flat: Sequence[Open]) -> str:

@@ -159,7 +159,7 @@ class Passport:
     # --- files ----------------------------------------------------------------------------------------------
     def text(self) -> str:
         """Return the passport as TOML."""
-        lines = ["# Parameter passport: what a log vouches for. Intervals hold 90 %.", "[passport]"]
+        lines = ["# Parameter passport: what a log supports. Intervals hold 90 %.", "[passport]"]
         lines += [f"log = {_toml(self.log)}", f"missing = {_toml(self.missing)}"]
         lines += [] if self.agreement is None else [f"agreement_of_runs = {_toml(self.agreement)}"]
         lines += ["", "[range]", *(f"{_toml(c)} = {_toml(list(r))}" for c, r in self.ranges.items()), "", "[numbers]"]
@@ -225,8 +225,8 @@ class Passport:
         said += [f"Missing in the simulator: {e(', '.join(self.missing))}."] if self.missing else []
         if self.agreement is not None:
             said.append(f"Probability that runs differ as much by chance: {self.agreement:.2g}.")
-        said += [f"Not fixed by this log: {e(' and '.join(f'{n} by {100 * w:+.0f} %' for n, w in d.items()))} together."
-                 for d in self.flat]  # fmt: skip
+        open_ = [" with ".join(f"{n} by {100 * w:+.0f} %" for n, w in d.items()) for d in self.flat]
+        said += [f"Not determined by this log: changes of {e(text)}." for text in open_]
         said += [f"{e(r.name)} leaves the range of {e(', '.join(r.outside))}." for r in self.rigs if r.outside]
         spans = "".join(f"<tr><td>{e(c)}</td><td>{a:.4g} to {b:.4g}</td></tr>" for c, (a, b) in self.ranges.items())
         return (

@@ -111,7 +111,9 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
     for name, where, values in simulator.effects:
         kind, cls = known[name]
         if ends_of(where) is not None:
-            raise ExportError(f"{name} is between {where}.", "effects at one port", "Use the simulator file instead.")
+            raise ExportError(
+                f"The effect {name} acts between {where}.", "effects at one port", "Use the simulator file instead."
+            )
         if cls.n_states or kind == "parameter":
             raise ExportError(
                 f"{name} at {where} has memory.", "an effect without memory", "Use the simulator file instead."

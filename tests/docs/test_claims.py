@@ -40,7 +40,7 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"sets grow to {WORDS[MOST_CAUSES]} effects"
     yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the effects beside it"
     yield statistics, f"jackknife over {WORDS[STRETCHES]} stretches of equal information"
-    yield statistics, f"intervals over stretches of {STRETCH:g} s"
+    yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
     yield statistics, f"no more than one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
     yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days only the named causes are compared."
     yield "docs/diagnosis.md", f"measured values that differ by a factor of {FACTOR:g}."

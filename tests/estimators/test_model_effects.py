@@ -103,7 +103,7 @@ def test_what_cannot_be_is_refused(remembering):
         ThermodynamicPIHM(effects=["valve_dead_zone"]).fit(data[COLUMNS], data["F"])
     with pytest.raises(IncompatibleError, match="partial_fit remembers"):
         StaticPIHM(effects=["tube"]).partial_fit(data[COLUMNS], data["F"])
-    with pytest.raises(IncompatibleError, match="memory"):
+    with pytest.raises(IncompatibleError, match="fitted with effects"):
         QAdapter(remembering).fit(data[COLUMNS], data["F"])
     with pytest.raises(ExportError, match="before and after"):
         plan_of(remembering)

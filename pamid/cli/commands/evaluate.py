@@ -30,10 +30,10 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Compare a log with the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
 
-For each equation you get the root mean square error over windows of 20 ms (rmse), the same divided by the standard
-deviation of the measurement (nrmse), and the noise floor: the rmse of a perfect simulator due to sensor noise, which is
-estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain it:
---refit first fits them within their tolerances.
+For each equation you get the root mean square error over windows of 20 ms on the bench (rmse), the same divided by the
+standard deviation of the measurement (nrmse), and the noise floor: the rmse of a perfect simulator due to sensor noise,
+which is estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain
+it: --refit first fits them within their tolerances.
 
 The column fit is 100 % − nrmse, as in MATLAB's compare.
 

@@ -36,7 +36,7 @@ unseen runs. Then it is fitted to all runs and written to --out.
 Rates (deps, dP) are not logged; if the estimator needs them they are estimated within each run, and this becomes the
 first step of the saved pipeline. --sim gives the contraction (from the joint angle) and the initial geometry of the
 estimator. The default --estimator depends on the simulator file: GeometricForce for a muscle or a bench,
-CylinderForce, JointDrive.
+CylinderForce for a cylinder, JointDrive for a joint.
 """
 _EXAMPLES = """\
   pamid fit log.parquet --estimator StaticPIHM --sim sim.toml --out force.pamid

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Test the residual of a simulator (--sim) or a saved model (--model) on a log: is it white, and uncorrelated with the
 inputs? A residual that is predictable from its own past contains something that a model could still learn; correlation
-with an input shows what the model misses of that input. At lags below 0 the residual comes first: that is feedback.
+with an input shows what the model misses of that input. At lags below 0 the residual leads: the input is feedback.
 
-Bands are 99 % intervals at each lag, for an input from the correlations of both signals (Ljung). The probabilities are
-for the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. Lags do not cross the boundaries of runs. A
-bench is tested in windows of 20 ms, everything else row by row; windows of equations with derivatives (flow, joint)
-overlap, so that noise alone correlates neighbours negatively there.
+Bands are 99 % intervals at each lag; those of an input allow for the autocorrelation of both signals (Ljung). The
+probabilities are for the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. Lags do not cross the
+boundaries of runs. A simulator is tested in windows (20 ms on the bench), a model row by row. Windows of equations with
+derivatives (flow, joint) overlap, so that noise alone correlates neighbours negatively there.
 """
 _EXAMPLES = """\
   pamid resid log.parquet --sim sim.toml

@@ -22,8 +22,8 @@ Simulate the antagonistic bench (two muscles on one pulley, servo valves, pressu
 sensors at 1 kHz) and write its log.
 
 Choose a data set of the study (--dataset) or your own runs (--trajectory, repeatable): KIND:NAME=VALUE,... with
-KIND one of {", ".join(_KINDS[:4])},
-{", ".join(_KINDS[4:])}. Frequencies are in rad/s, angles in degrees, seconds gives the length.
+KIND one of {", ".join(_KINDS)}.
+Frequencies are in rad/s, angles in degrees, seconds gives the length.
 
 It also writes LOG.sim.toml, the nominal simulator, and, if --effect is used, LOG.true.toml, the simulator with the
 effects that the log contains.
