@@ -13,7 +13,7 @@ from ..errors import ShortTrajectoryError
 from ..signals.roles import STATE_ROLES
 from ..simulators.base import Simulator
 from ..simulators.problem import Problem, joined
-from .design.one_equation import next_for_equation
+from .design.equation import next_for_equation
 from .diagnosis.findings import NextExperiment
 from .diagnosis.result import Diagnosis
 from .engine import explain
@@ -56,8 +56,7 @@ def _heard(gathered: Gathered) -> list[str]:
 
 def _outward(found: Diagnosis, m: Measured, gathered: Gathered) -> Diagnosis:
     told = in_units(found, gathered.evidence.placements)
-    run = next_for_equation(found.rivals, m, gathered.evidence.scales, gathered.noise)
-    return replace(told, next_experiment=run, rivals=[])  # the next experiment says what to record
+    return replace(told, next_experiment=next_for_equation(found.rivals, m, gathered))
 
 
 # --- simulators that state their equation -------------------------------------------------------------------

@@ -143,13 +143,18 @@ class Measured:
             self.names, None if without is None else without[at],
         )  # fmt: skip
 
+    @property
+    def log(self) -> PortLog:
+        """The signals, as the log of a simulator with ports."""
+        starts, at = np.flatnonzero(np.diff(self.codes, prepend=-1)), np.arange(len(self.y))
+        since = at - starts[np.searchsorted(starts, at, side="right") - 1]
+        channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
+        return PortLog(channels, since * self.dt, starts, self.dt, [str(self.names[k]) for k in self.codes[starts]])
+
     def at_ports(self) -> SignalEvidence:
         """Return the evidence of all rows in the units of the log, as that of a simulator with ports."""
         found = self.evidence()
-        starts = found.borders
-        since = np.arange(len(self.y)) - starts[np.searchsorted(starts, np.arange(len(self.y)), side="right") - 1]
-        channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
-        found.log = PortLog(channels, since * self.dt, starts, self.dt, list(found.trajectories))
+        found.log = self.log
         return found
 
 

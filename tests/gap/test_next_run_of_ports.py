@@ -20,6 +20,7 @@ from pamid.gap.simulated import evidence_of
 from pamid.report.next_run import headroom, summary
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.play_runs import played
+from pamid.systems.cylinder import Cylinder
 
 PORTS = [Port("F", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
 RAIL = FunctionSimulator(lambda t, x, u, p: [x.v, u.F / p.m], PORTS, {"m": (2.0, 0.05, "kg")})
@@ -169,3 +170,31 @@ def test_the_command_designs_the_run_of_a_function(tmp_path: Path, capsys: pytes
         assert list(pd.read_csv(tmp_path / "out" / "next" / "set_points.csv")) == ["trajectory", "time", "F"]
     assert main(["next", out, "--limit", "F", *common]) == 2
     assert "NAME=LOW:HIGH" in capsys.readouterr().err
+
+
+def test_the_next_run_of_a_cylinder_tells_viscous_friction_from_drag() -> None:
+    """Sines of like speeds cannot tell them apart; the designed run does."""
+
+    def recorded(runs: pd.DataFrame, seed: int) -> pd.DataFrame:
+        noise, parts = np.random.default_rng(seed), []
+        for _, run in runs.groupby("trajectory", sort=False):
+            F = 4.9087e-4 * (run["P"] - 101_325.0) - 8.0 * np.gradient(run["x"], run["time"])
+            parts.append(run.assign(F=F + 0.3 * noise.standard_normal(len(run))))
+        return pd.concat(parts, ignore_index=True)
+
+    t = np.arange(0, 4, 0.01)
+    alike = [
+        pd.DataFrame({"trajectory": f"{w}", "time": t, "x": 0.05 + 0.02 * np.sin(w * t), "P": 3e5 + 2e4 * np.sin(t)})
+        for w in (2.0, 2.2, 2.4)
+    ]
+    cylinder = Cylinder(bore=0.025, force="delivered")
+    found = pamid.diagnose(recorded(pd.concat(alike), 0), cylinder, ["viscous_friction", "quadratic_drag"])
+    assert found.causes[0].effects == ("viscous_friction", "quadratic_drag")
+    plan = pamid.next_run(found, designs=40)
+    assert plan.tells and plan.explanations == [("viscous_friction",), ("quadratic_drag",)]
+    points = plan.set_points()
+    assert points["x"].between(0.03, 0.07).all() and points["P"].between(2.8e5, 3.2e5).all()
+    after = pamid.diagnose({"next": recorded(points, 1)}, cylinder, since=found.history)
+    assert [c.effects for c in after.causes] == [("viscous_friction",)]
+    with pytest.raises(ParameterError, match="an input: x, P"):
+        pamid.next_run(found, limits={"F": (0.0, 1.0)})

@@ -19,12 +19,11 @@ QUICK = {
     "joint": "viscous_friction,coulomb_friction",
 }  # fmt: skip
 MODELS = "GeometricForce(chou_hannaford),PolynomialForce(area)"
-WORKS = ("check", "evaluate", "resid", "compare", "fit", "present", "export", "diagnose", "init")
+WORKS = ("check", "evaluate", "resid", "compare", "fit", "present", "export", "diagnose", "next", "init")
 """Commands that take every kind."""
 SAYS = {
     "adapt": (("cylinder", "joint"), "fit CylinderForce|fit JointDrive"),
     "simulate": (("muscle", "cylinder", "joint"), "a simulator file of the bench"),
-    "next": (("muscle", "cylinder", "joint"), "for the bench and for simulators with ports"),
     "passport": (("muscle", "cylinder", "joint"), "not a simulator with ports"),
 }
 """Commands for some kinds alone: those that they are not for, and the words in which they say so."""
@@ -87,6 +86,9 @@ def test_commands_that_take_every_kind(kind, every, capsys):
     found = told("diagnose", *log, "--out", str(out / "gap"), "--effects", QUICK[kind])
     assert found["verdict"] in ("cause", "class", "several", "unknown", "none")
     assert (out / "gap" / "corrected.toml").is_file()
+    plan = told("next", str(out / "gap"), "--designs", "8")
+    assert plan["purpose"] in ("discriminate", "parameters", "unseen", "none")
+    assert not plan["runs"] or (out / "gap" / "next" / "set_points.csv").is_file()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -108,14 +110,11 @@ def test_commands_that_are_for_some_kinds_say_so(command, kind, every, capsys):
     log, model = arguments(every, kind), str(every / "model.pamid")
     if command == "adapt":
         assert main(["fit", *log, "--folds", "0", "--out", model]) == 0
-    if command == "next":
-        assert main(["diagnose", *log, "--out", str(every / "gap"), "--effects", QUICK[kind]]) == 0
     (every / "passport.toml").write_text(Passport({"m": Entry(2.0, 1.98, 2.02, "kg", "holds", 2.01)}).text())
     capsys.readouterr()
     argv = {
         "adapt": [model, *log, "--out", str(every / "adapted.pamid")],
         "simulate": [*log[1:], "--trajectory", "sine:frequency=4,amplitude=5", "--out", str(every / "new.csv")],
-        "next": [str(every / "gap")],
         "passport": [str(every / "passport.toml"), *log],
     }[command]
     assert main([command, *argv]) == 2

@@ -146,15 +146,13 @@ def run(args: argparse.Namespace) -> int:
     for file in files:
         print(f"wrote {file}")
     print()
-    show_commands(_following(args, folder, simulator))
+    show_commands(_following(args, folder))
     note(args, f"took {time.perf_counter() - started:.0f} s")
     return DONE if d.tested else UNTESTED
 
 
-def _following(args: argparse.Namespace, folder: Path, simulator: Any) -> list[str]:
+def _following(args: argparse.Namespace, folder: Path) -> list[str]:
     """Return what to run after a diagnosis: the corrected simulator on the log, and the design of the next run."""
-    from ...systems import System
-
     trust = " --trust" if args.trust else ""
     columns = "".join(
         f" --{name} {quoted([value])}" for name in ("columns", "encoding") if (value := getattr(args, name))
@@ -163,7 +161,7 @@ def _following(args: argparse.Namespace, folder: Path, simulator: Any) -> list[s
     if (folder / "corrected.toml").exists():
         corrected = f"--sim {quoted([folder / 'corrected.toml'])}"
         found.append(f"pamid evaluate {quoted(args.log)}{columns} {corrected}{trust}")
-    if (folder / HISTORY[0]).exists() and not isinstance(simulator, System):
+    if (folder / HISTORY[0]).exists():
         found.append(f"pamid next {quoted([folder])}{trust}")
     return found
 

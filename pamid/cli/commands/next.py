@@ -36,10 +36,11 @@ rise together, or valves shut; amplitude, frequency, offset and mean pressure st
 
 The plan says in advance what each outcome would mean, and whether any run within the limits can decide.
 
-For any other simulator with ports (a function, equations, a MuJoCo model, an FMU) the inputs are designed (sines,
-triangles, steps, multisines, chirps and holds), each within its range in the logs or within --limit and --rate;
-readings stay near their range in the logs. --change names a possible change of the system, such as another mass: the
-plan then says whether a run after that change would decide more than any run without it.
+For any other simulator the inputs are designed (sines, triangles, steps, multisines, chirps and holds), each within its
+range in the logs or within --limit and --rate: of a cylinder stroke and pressure, of a joint its angle, of a muscle
+contraction and pressure. Readings of a simulator with ports stay near their range in the logs. --change names a
+possible change of the system, such as another mass: the plan then says whether a run after that change would
+decide more than any run without it.
 
 --out (default: DIR/next) receives runs.toml, set_points.csv for the real system (time and each input; for a bench the
 reference angle, pressure to add, the role of each muscle, valves shut), and plan.json. Record the runs, then

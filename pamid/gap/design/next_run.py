@@ -1,4 +1,4 @@
-"""What to record next, after a diagnosis with a simulator of any kind that has inputs."""
+"""What to record next, after a diagnosis with a simulator of any kind."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from ...bench.parameters import BenchParameters
 from ...errors import ParameterError
-from ...simulators.base import Simulator
 from ..diagnosis.rivals import Rival
+from .equation import plan_equation_run
 from .plan import Plan
 from .ports import plan_port_run
 from .search import plan_next
@@ -28,10 +28,10 @@ def next_run(diagnosis: Diagnosis, **options: Any) -> Plan:
     Parameters
     ----------
     diagnosis : Diagnosis
-        A result of `pamid.diagnose` for a bench or a simulator with ports.
+        A result of `pamid.diagnose`.
     **options : object
         Of a bench those of `pamid.gap.design.search.plan_next`: ``limits``, ``designs``, ``purpose``, ``seed``,
-        ``progress``. Of a simulator with ports those of `pamid.gap.design.ports.plan_port_run`: ``limits`` (lowest and
+        ``progress``. Of any other simulator those of `pamid.gap.design.ports.plan_port_run`: ``limits`` (lowest and
         highest value by input), ``rates``, ``changes`` of the rig, ``seconds``, ``runs``, and the same.
 
     Returns
@@ -80,10 +80,5 @@ def next_run_after(history: History, *, progress: Callable[[str], None] | None =
     rivals = _left(history)
     if isinstance(simulator, BenchParameters):
         return plan_next(rivals, now, simulator, library=history.library, progress=progress, **options)
-    if isinstance(simulator, Simulator) and not simulator.states_equation:
-        return plan_port_run(rivals, now, simulator, library=history.library, progress=progress, **options)
-    raise ParameterError(
-        f"Runs are designed for the bench and for simulators with ports, and this is the file of a {simulator.kind}.",
-        "a simulator with inputs",
-        "Its diagnosis says what to record next, under next_experiment.",
-    )
+    plan = plan_equation_run if simulator.states_equation else plan_port_run
+    return plan(rivals, now, simulator, library=history.library, progress=progress, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -58,6 +58,8 @@ class PortLimits:
     """Range in which readings are to stay, where that is not what the logs have visited and as much again."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Inputs that are held at a value."""
+    kinds: tuple[str, ...] = KINDS[:-1]
+    """The kinds of runs that there can be, of `KINDS`."""
     options: ClassVar[str] = "--limit, --rate, --keep, --seconds"
     """Options of the command line that widen them."""
     header: ClassVar[str] = "Runs: seconds, rad/s and the units of the inputs; set_points.csv has them row by row."
@@ -86,7 +88,8 @@ class PortLimits:
             if np.ptp(u) > 0.0:
                 ranges[name] = float(np.min(u)), float(np.max(u))
                 steps = [np.abs(np.diff(log.channels[name][a:b])) for log in logs for a, b in log.spans]
-                rates[name] = max(float(np.max(s, initial=0.0)) for s in steps) / logs[-1].dt
+                if fastest := max(float(np.max(s, initial=0.0)) for s in steps):
+                    rates[name] = fastest / logs[-1].dt
         return cls(ranges, rates, logs[-1].dt, **given)
 
     @property
@@ -99,11 +102,6 @@ class PortLimits:
         """Largest frequency, rad/s."""
         highest = 2.0 * math.pi / (STEPS * self.interval)
         return min(self.fastest, highest) if self.fastest > 0.0 else highest
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """The kinds of runs that there can be."""
-        return KINDS[:-1]
 
 
 @dataclass(frozen=True)
@@ -190,6 +188,25 @@ class PortRun:
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run."""
         return {"kind": self.kind, "seconds": self.seconds, "inputs": {n: vars(w) for n, w in self.inputs.items()}}
+
+
+class PortInputs:
+    """The runs of a rig whose inputs are driven."""
+
+    limits: PortLimits
+
+    @property
+    def kinds(self) -> Sequence[str]:
+        """The kinds of runs that there can be."""
+        return self.limits.kinds
+
+    def draw(self, rng: np.random.Generator, kind: str) -> PortRun:
+        """Draw a run of a kind."""
+        return draw(rng, self.limits, kind)
+
+    def near(self, rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
+        """Draw a run close to another one."""
+        return near(rng, run, share)
 
 
 def draw(rng: np.random.Generator, limits: PortLimits, kind: str) -> PortRun:

@@ -21,7 +21,7 @@ from ..residuals.shooting import ShootingEvidence
 from ..simulated import evidence_of
 from .known import cleaned
 from .plan import AS_IT_IS, Plan
-from .port_family import PortLimits, PortRun, draw, near
+from .port_family import PortInputs, PortLimits, PortRun
 from .search import planned
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ ROOM = 1.0
 
 
 @dataclass(frozen=True)
-class PortRig:
+class PortRig(PortInputs):
     """A simulator with ports, for a design; a `pamid.gap.design.rig.Rig`."""
 
     simulator: Simulator
@@ -49,19 +49,6 @@ class PortRig:
     """Parameters that are changed for the runs."""
     noise: Mapping[str, float]
     """Noise of each equation over that of the readings, see `noise_of`."""
-
-    @property
-    def kinds(self) -> Sequence[str]:
-        """The kinds of runs that there can be."""
-        return self.limits.kinds
-
-    def draw(self, rng: np.random.Generator, kind: str) -> PortRun:
-        """Draw a run of a kind."""
-        return draw(rng, self.limits, kind)
-
-    def near(self, rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
-        """Draw a run close to another one."""
-        return near(rng, run, share)
 
     @cached_property
     def _begins(self) -> np.ndarray:
@@ -190,7 +177,9 @@ def plan_port_run(
         [e.log for e in each], inputs, seconds=seconds or round(runs * float(np.median(lengths)), 9), runs=runs,
         columns={p.name: p.source for p in simulator.ports},
     )  # fmt: skip
-    allowed = _given(allowed, limits or {}, rates or {}, keep or {}, simulator)
+    allowed = within_limits(
+        allowed, limits or {}, rates or {}, keep or {}, simulator.inputs, [*simulator.states, *simulator.outputs]
+    )
     wanted = [k for k in chosen(last.placements, library) if last.has(k)]
     with threadpool_limits(1):
         known = [r for r in rivals if all(name in last.placements for name in r.effects)]
@@ -203,23 +192,31 @@ def plan_port_run(
             rig = PortRig(simulator, each, replace(allowed, ranges=ranges, held=held), numbers, noise)
             return planned(rig, known, looked, purpose, wanted, seed, say)
 
-        plan = under({}, designs)
-        if plan.purpose == "none":
-            return plan
-        told, proposed = {AS_IT_IS: plan.clarity}, not changes and not plan.tells and plan.purpose == "discriminate"
-        for change in _proposals(simulator) if proposed else changes:
-            _refuse_unknown(change, simulator)
-            words = ", ".join(f"{n} = {v:g}" for n, v in change.items())
-            say(f"with {words}")
-            try:
-                other = under(change, min(designs, FEW) if proposed else designs)
-            except ExcitationError:
-                told[words] = 0.0
-                continue
-            told[words] = other.clarity
-            if not proposed and other.clarity > plan.clarity and (other.tells or not plan.tells):
-                plan = replace(other, rig=dict(change))
-        return replace(plan, changed=told if len(told) > 1 else {})
+        return with_changes(under, simulator, changes, designs, say)
+
+
+def with_changes(
+    under: Callable[[Mapping[str, float], int], Plan], simulator: Simulator, changes: Sequence[Mapping[str, float]],
+    designs: int, say: Callable[[str], None],
+) -> Plan:  # fmt: skip
+    """Return the best plan, after a change of the rig where that tells more; `under` plans after a change."""
+    plan = under({}, designs)
+    if plan.purpose == "none":
+        return plan
+    told, proposed = {AS_IT_IS: plan.clarity}, not changes and not plan.tells and plan.purpose == "discriminate"
+    for change in _proposals(simulator) if proposed else changes:
+        _refuse_unknown(change, simulator)
+        words = ", ".join(f"{n} = {v:g}" for n, v in change.items())
+        say(f"with {words}")
+        try:
+            other = under(change, min(designs, FEW) if proposed else designs)
+        except ExcitationError:
+            told[words] = 0.0
+            continue
+        told[words] = other.clarity
+        if not proposed and other.clarity > plan.clarity and (other.tells or not plan.tells):
+            plan = replace(other, rig=dict(change))
+    return replace(plan, changed=told if len(told) > 1 else {})
 
 
 def _proposals(simulator: Simulator) -> list[dict[str, float]]:
@@ -228,24 +225,25 @@ def _proposals(simulator: Simulator) -> list[dict[str, float]]:
     return [{name: float(f"{times * value:.3g}")} for name, value in numbers for times in TIMES]
 
 
-def _given(
+def within_limits(
     found: PortLimits,
     limits: Mapping[str, tuple[float, float]],
     rates: Mapping[str, float],
     keep: Mapping[str, tuple[float, float]],
-    simulator: Simulator,
+    inputs: Sequence[str],
+    readings: Sequence[str],
 ) -> PortLimits:
     """Return limits with those that a user gives."""
-    if strange := sorted({*limits, *rates} - set(simulator.inputs)):
+    if strange := sorted({*limits, *rates} - set(inputs)):
         raise ParameterError(
             f"Limits are given for {', '.join(strange)}.",
-            f"an input: {', '.join(simulator.inputs)}",
+            f"an input: {', '.join(inputs)}",
             "Correct the name.",
         )
-    if strange := sorted(set(keep) - {*simulator.states, *simulator.outputs}):
+    if strange := sorted(set(keep) - set(readings)):
         raise ParameterError(
             f"Ranges to keep are given for {', '.join(strange)}.",
-            f"a state or an output: {', '.join([*simulator.states, *simulator.outputs])}",
+            f"a state or an output: {', '.join(readings) or 'none that a design predicts'}",
             "Correct the name.",
         )
     ranges = {**found.ranges, **limits}

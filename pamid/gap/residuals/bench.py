@@ -183,11 +183,6 @@ class Evidence(Straight):
         """Return whether an equation that is tested reads a channel."""
         return any(channel in self._equations[e].channels for e in self.equations)
 
-    @property
-    def nuisances(self) -> np.ndarray:
-        """Unknowns of this log alone: none that its windows show."""
-        return np.zeros((len(self.z0), 0))
-
     def z(
         self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
     ) -> np.ndarray:

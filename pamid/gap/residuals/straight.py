@@ -32,6 +32,11 @@ class Straight:
         """The lowest and highest deviations of the free parameters."""
         return np.full(self.J.shape[1], -1.0), np.ones(self.J.shape[1])
 
+    @property
+    def nuisances(self) -> np.ndarray:
+        """Change of the residuals by clocks and offsets that are not free: none."""
+        return np.zeros((len(self.J), 0))
+
     def has(self, name: str) -> bool:
         """Return whether an effect has something to act on here."""
         return True
