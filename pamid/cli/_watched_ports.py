@@ -11,7 +11,7 @@ from typing import Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
-from .common import note
+from .common import note, own_columns
 
 
 def events_at_ports(
@@ -90,8 +90,7 @@ def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]
     from ..signals import LogMapping
     from ..signals._tidy import to_si
 
-    own = [] if simulator.states_equation else [port.source for port in simulator.ports]
-    mapping = LogMapping.load(args.columns, own=own)
+    mapping = LogMapping.load(args.columns, own=own_columns(simulator))
     path = Path(args.stream)
 
     def convert(row: dict[str, Any]) -> dict[str, Any]:

@@ -77,11 +77,17 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
     """Read the mapping that the arguments name; ports of a simulator say themselves what their columns mean."""
     from ..signals import LogMapping
+
+    mapping = LogMapping.load(args.columns, own=own_columns(simulator))
+    return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
+
+
+def own_columns(simulator: Any) -> list[str]:
+    """Return the columns that ports of a simulator name; none where a log has pamid's signals."""
     from ..simulators import Simulator
 
-    ports = simulator.ports if isinstance(simulator, Simulator) and not simulator.states_equation else ()
-    mapping = LogMapping.load(args.columns, own=[port.source for port in ports])
-    return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
+    named = isinstance(simulator, Simulator) and not simulator.states_equation
+    return [port.source for port in simulator.ports] if named else []
 
 
 def load_log(
@@ -89,12 +95,9 @@ def load_log(
 ) -> pd.DataFrame:
     """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
     from ..signals import read_log
-    from ..simulators import Simulator
 
     files = paths or (args.log if isinstance(args.log, list) else [args.log])
-    if not isinstance(simulator, Simulator) or simulator.states_equation:
-        return read_log(files, args.columns, nan=nan or args.nan, encoding=args.encoding)
-    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=False)
+    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=not own_columns(simulator))
 
 
 def load_pieces(
@@ -102,12 +105,9 @@ def load_pieces(
 ) -> Iterator[pd.DataFrame]:
     """Read the log that the arguments name piece by piece, each of whole runs."""
     from ..signals import read_log_pieces
-    from ..simulators import Simulator
 
-    paths = args.log if isinstance(args.log, list) else [args.log]
-    if not isinstance(simulator, Simulator) or simulator.states_equation:
-        return read_log_pieces(paths, mapping_of(args), rows=rows, nan=nan or args.nan)
-    return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=False)
+    paths, own = args.log if isinstance(args.log, list) else [args.log], own_columns(simulator)
+    return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=not own)
 
 
 def load_simulator(path: str) -> BenchParameters:

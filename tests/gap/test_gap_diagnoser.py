@@ -161,6 +161,21 @@ def test_a_clean_viscous_torque_adds_to_what_moves_the_joint():
     assert (p.value, p.unit) == (pytest.approx(0.05, rel=0.03), "N m s/rad")
 
 
+def test_a_model_with_a_root_under_a_sensor_that_may_be_wrong():
+    """An outlet's flow grows with the root of the level, which no candidate may make negative."""
+
+    def make(k, rng):
+        t = np.arange(0, 8, 0.01)
+        h = 0.5 + 0.3 * np.sin((1 + 0.5 * k) * t) + 0.1 * np.sin(3.1 * t)
+        return pd.DataFrame({"t": t, "h": h, "Q": 2e-3 * np.sqrt(h) + 3e-4 * h + 2e-5 * rng.standard_normal(len(t))})
+
+    settings = {"equation": "flow", "signals": {"time": "t", "pressure": "h"}, "random_state": 0}
+    found = diagnosed(
+        runs(make, 3), ["t", "h"], "Q", "all", nominal=lambda X: 2e-3 * np.sqrt(X["h"].to_numpy()), **settings
+    )
+    assert found.gap_ and found.closure_[0].closed_share > 0.9
+
+
 def test_falling_body_filmed():
     """Sixty pictures a second, 1.6 s: a model of free fall lacks drag."""
 

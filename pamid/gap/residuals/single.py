@@ -185,7 +185,8 @@ class SignalEvidence(Straight):
             role = SENSED[effect.channel]
             table[role] = places[effect.name].truth(effect, table[role], self.dt / self.pace, self.borders)
         if faults:
-            base = np.asarray(self.nominal(table), dtype=float)
+            with np.errstate(all="ignore"):
+                base = np.asarray(self.nominal(table), dtype=float)
         holding = tuple(e for e in effects if type(e).braid_pressure is not Effect.braid_pressure)
         braid = self._on_braid(holding, table) if any(e.on_braid for e in effects) else table
         total = np.array(base, dtype=float)
@@ -252,10 +253,11 @@ class SignalEvidence(Straight):
         return np.broadcast_to(total, self.y.shape).astype(float)
 
     def z(self, spec: Spec, deviations: Any = None, equations: Sequence[str] | None = ()) -> np.ndarray:
-        """Return the residuals with effects added, in units of the noise."""
+        """Return the residuals with effects added, in units of the noise; large where the model is not finite."""
         if not spec:
             return self.z0.copy()
-        return self.z0 - self.means(spec) / self.noise
+        found = self.z0 - self.means(spec) / self.noise
+        return np.where(np.isfinite(found), found, 1e3)
 
     def means(self, spec: Spec) -> np.ndarray:
         """Return what effects add to the modelled target, as means over the windows."""
