@@ -122,8 +122,8 @@ def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int) -> Iterator
         progress = FitProgress(estimator, X, y, max_epochs, context)
         try:
             yield progress
-        except KeyboardInterrupt:
-            if progress.n_epochs == 0:
+        except KeyboardInterrupt as stop:
+            if progress.n_epochs == 0 or type(stop) is not KeyboardInterrupt:  # the latter where the process is ended
                 raise
             progress.interrupted = True
             warnings.warn(

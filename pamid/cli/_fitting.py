@@ -43,6 +43,8 @@ def held_out(
     import numpy as np
     from sklearn.model_selection import GroupKFold
 
+    from ..compare.run import whole_fits
+
     groups = runs.to_numpy()
     n_runs = len(np.unique(groups.astype(str)))
     if n_runs < 2:
@@ -59,7 +61,9 @@ def held_out(
     split = GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, groups)
     for k, (train, test) in enumerate(split, 1):
         rows = train[::every]
-        predicted[test] = predict_table(fitted(X.iloc[rows], y.iloc[rows]), X.iloc[test])
+        with whole_fits():
+            model = fitted(X.iloc[rows], y.iloc[rows])
+        predicted[test] = predict_table(model, X.iloc[test])
         step(f"held-out fold {k} of {folds}")
     return predicted
 

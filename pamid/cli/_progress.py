@@ -12,7 +12,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 _EVERY = 5.0  # s between two lines of progress
-_SILENT = 10.0  # s without a step, after which a line says that the command still works
+_FIRST = 3.0  # s after which a command says what it does
+_SILENT = 10.0  # s without a line, after which one says that the command still works
 
 
 class Silent:
@@ -30,7 +31,7 @@ class ProgressLines(Silent):
 
     def __init__(self, say: Callable[[str], None], what: str, total: int | None) -> None:
         self.say, self.what, self.total, self.done = say, what, total, 0
-        self.last = ""
+        self.last, self.patience = "", _FIRST
         self.began = self.told = self.stepped = time.monotonic()
 
     def __call__(self, text: str = "") -> None:
@@ -43,7 +44,7 @@ class ProgressLines(Silent):
         self.last = text
         if now - self.told < _EVERY:
             return
-        self.told, spent = now, now - self.began
+        self.told, spent, self.patience = now, now - self.began, _SILENT
         ahead = max(0, self.total - self.done) if self.total else 0
         left = f", about {spent / self.done * ahead:.0f} s left" if self.total else ""
         self.say(f"{self.what} {text}".rstrip() + f" ({spent:.0f} s{left})")
@@ -51,8 +52,9 @@ class ProgressLines(Silent):
     def still(self) -> None:
         """Say that a long step goes on, if the last line is old."""
         now = time.monotonic()
-        if now - self.told < _SILENT:
+        if now - self.told < self.patience:
             return
+        self.patience = _SILENT
         self.told, spent, left = now, now - self.began, ""
         if self.total and self.done:
             ahead = (self.stepped - self.began) / self.done * (self.total - self.done) - (now - self.stepped)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import FitError, IncompatibleError, PamidError, ParameterError
+from ..errors import FitError, IncompatibleError, InterruptedFitWarning, PamidError, ParameterError
 from ..requirements import is_sequential, parameter_count, reads_of
 from ..signals.thinning import spaced
 from .bootstrap import ClusterBootstrap
@@ -268,6 +269,17 @@ class _Fitted:
     error: str = ""
 
 
+@contextmanager
+def whole_fits() -> Iterator[None]:
+    """End on Ctrl-C where a fit alone would end and keep what it reached: that is no score on unseen runs."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", InterruptedFitWarning)
+            yield
+    except InterruptedFitWarning:
+        raise KeyboardInterrupt from None
+
+
 def _fitted(
     entry: CandidateModel,
     table: pd.DataFrame,
@@ -287,8 +299,9 @@ def _fitted(
     Y = table[list(entry.targets)].to_numpy(dtype=float)
     y = Y[:, 0] if len(entry.targets) == 1 else Y
     try:
-        with warnings.catch_warnings(record=True) as caught:
+        with whole_fits(), warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
+            warnings.simplefilter("error", InterruptedFitWarning)
             model = clone(entry.estimator)
             started = time.perf_counter()
             more = {"groups": runs[fit_rows]} if has_fit_parameter(model, "groups") else {}

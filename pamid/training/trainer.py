@@ -206,7 +206,9 @@ class Trainer(BaseEstimator):
                     break
             else:
                 status = Status.FINISHED if len(losses) >= self.max_iter else Status.CONVERGED
-        except KeyboardInterrupt:
+        except KeyboardInterrupt as stop:
+            if type(stop) is not KeyboardInterrupt:  # the system ends the process: nobody waits for a result
+                raise
             status = Status.INTERRUPTED
         if status in (Status.FINISHED, Status.CONVERGED, Status.STOPPED_EARLY):
             keep(status.name)

@@ -10,6 +10,7 @@ import platform
 import re
 import subprocess
 import sys
+import warnings
 from pathlib import Path
 from unittest import mock
 
@@ -22,7 +23,7 @@ from pamid.bench import BenchParameters
 from pamid.cli import _versions, app, main
 from pamid.cli.common import parse_settings, table
 from pamid.equations import evaluate_log
-from pamid.errors import ParameterError, UnitWarning
+from pamid.errors import InterruptedFitWarning, ParameterError, UnitWarning
 from pamid.json_data import json_ready
 from pamid.persistence import inspect, load
 from pamid.signals import read_log
@@ -346,6 +347,16 @@ def test_fit_refuses_impossible_numbers(argv, folder, tmp_path, capsys):
 # --- what goes wrong --------------------------------------------------------------------------------------------
 def failing(error: BaseException):
     return mock.patch("pamid.cli.commands.evaluate.run", side_effect=error)
+
+
+def test_an_interrupted_fold_ends_the_command(folder, tmp_path, capsys):
+    def warn(*_, **__):
+        warnings.warn("The training was interrupted.", InterruptedFitWarning, stacklevel=2)
+
+    out = tmp_path / "m.pamid"
+    with mock.patch("pamid.estimators.GeometricForce.fit", side_effect=warn):
+        assert main(["fit", *files(folder), "--estimator", "GeometricForce", "--out", str(out)]) == 130
+    assert "interrupted; no file is left incomplete" in capsys.readouterr().err and not out.exists()
 
 
 def test_interrupt(capsys):

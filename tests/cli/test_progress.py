@@ -52,10 +52,12 @@ def test_a_terminal_gets_a_bar_with_the_time_left(
 
 
 def test_a_step_that_takes_long_is_told_to_go_on(monkeypatch: pytest.MonkeyPatch) -> None:
-    clock = iter([0.0, 4.0, 9.0, 14.5, 19.0, 24.0, 40.0])
+    clock = iter([0.0, 2.9, 3.1, 4.0, 9.0, 14.5, 19.0, 24.0, 40.0])
     monkeypatch.setattr(_progress.time, "monotonic", lambda: next(clock))
     said: list[str] = []
     lines = ProgressLines(said.append, "Fitting MLP", 4)
+    lines.still()  # after 2.9 s: many commands are done by then
+    lines.still()
     lines("held-out fold 1 of 3")  # after 4 s
     lines.still()  # after 9 s
     lines.still()  # after 14.5 s: 3 steps of 4 s ahead, of which 10.5 s have gone
@@ -63,6 +65,7 @@ def test_a_step_that_takes_long_is_told_to_go_on(monkeypatch: pytest.MonkeyPatch
     lines.still()  # too soon, too
     lines.still()  # after 40 s: longer than both folds together
     assert said == [
+        "Fitting MLP (3 s)",
         "Fitting MLP held-out fold 1 of 3 (14 s, about 2 s left)",
         "Fitting MLP held-out fold 2 of 3 (40 s)",
     ]
@@ -71,7 +74,7 @@ def test_a_step_that_takes_long_is_told_to_go_on(monkeypatch: pytest.MonkeyPatch
 def test_lines_go_on_while_nothing_is_heard_of_the_work(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(_progress, "_SILENT", 0.5)
+    monkeypatch.setattr(_progress, "_FIRST", 0.5)
     before = threading.active_count()
     with progress(argparse.Namespace(quiet=False), "Fitting MLP"):
         assert threading.active_count() == before + 1

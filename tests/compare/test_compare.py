@@ -5,6 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
+import warnings
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from pamid.compare.protocol import folds
 from pamid.errors import (
     FitError,
     IncompatibleError,
+    InterruptedFitWarning,
     MissingColumnError,
     MissingTrajectoryError,
     NonFiniteError,
@@ -43,6 +45,14 @@ class Broken(RegressorMixin, BaseEstimator):
 
     def predict(self, X):
         return np.zeros(len(X))
+
+
+class Interrupted(LinearRegression):
+    """Ctrl-C comes in its fit, which keeps what it has reached."""
+
+    def fit(self, X, y):
+        warnings.warn("The training was interrupted.", InterruptedFitWarning, stacklevel=2)
+        return super().fit(X, y)
 
 
 class GivesNothing(LinearRegression):
@@ -280,6 +290,11 @@ def test_one_failure_is_a_line(table):
     assert json.loads(json.dumps(result.to_dict(), allow_nan=False))["estimators"][-1]["rmse"] is None
     with pytest.raises(FitError, match="never works"):
         compare(table, "force", {"broken": Broken()}, cv=3)
+
+
+def test_an_interruption_ends_the_comparison_and_not_one_fit(table):
+    with pytest.raises(KeyboardInterrupt):
+        compare(table, "force", {"line": LinearRegression(), "interrupted": Interrupted()}, cv=3)
 
 
 def test_too_few_runs(table):

@@ -211,6 +211,14 @@ def test_interruption_keeps_the_best_so_far():
     assert result.n_iter == 3 and float(result.parameters[1]) == 2.0
 
 
+def test_a_process_that_is_ended_does_not_train_on():
+    class Ended(KeyboardInterrupt):
+        """What the command line makes of SIGTERM."""
+
+    with pytest.raises(Ended):
+        scripted(5.0, 2.0, fails=Ended()).run(level(0), BIAS, "tanh", np.random.RandomState(0))
+
+
 def test_divergence_keeps_the_best_so_far():
     result = scripted(5.0, 2.0, np.inf, 0.0).run(level(0), BIAS, "tanh", np.random.RandomState(0))
     assert result.status is Status.DIVERGED

@@ -91,7 +91,7 @@ def _simulation(folder: Path) -> list[Step]:
 
 
 def _evaluation(folder: Path) -> list[Step]:
-    words = "Hold the log against the nominal simulator: where rmse is far above the noise floor, physics is missing"
+    words = "Compare the log with the nominal simulator: where rmse is far above the noise floor, physics is missing"
     return [(words, ["evaluate", str(folder / "log.parquet"), "--sim", str(folder / "log.sim.toml")])]
 
 

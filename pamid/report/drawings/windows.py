@@ -41,7 +41,8 @@ def unit_of(d: Diagnosis, equation: str) -> str:
     """Return the SI unit of an equation's residual."""
     from ...equations import all_equations
 
-    stated = next((f.unit for f in (*d.closure, *d.equations) if f.equation == equation and f.unit), "")
+    units = {e.equation: e.unit for e in d.equations} | {c.equation: c.unit for c in d.closure if c.unit}
+    stated = units.get(equation, "")
     known = all_equations()
     return stated or (known[equation].unit if equation in known else "")
 
