@@ -12,7 +12,7 @@ THREADS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 NUMEXPR_NU
 # Types and layers are checked as a user has them: on an installed wheel, not on the checkout.
 ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
 
-.PHONY: help install demo test test-all pytest pytest-all lowest lint docs dist wheel benchmarks clean
+.PHONY: help install demo test test-all pytest pytest-all lowest lint style types docs dist wheel benchmarks clean
 
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
@@ -37,9 +37,13 @@ $(INSTALLED): pyproject.toml constraints.txt
 demo: install
 	$(THREADS) $(BIN)/pamid demo --out demo-output
 
-lint: install
+lint: style types
+
+style: install
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+
+types: install
 	rm -rf build/lib build/wheel build/installed
 	$(BIN)/python -W ignore -m pip wheel --quiet --no-deps --no-build-isolation -w build/wheel .
 	$(BIN)/python -W ignore -m pip install --quiet --no-deps --target build/installed build/wheel/*.whl
@@ -55,8 +59,12 @@ pytest: install
 pytest-all: install
 	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS)
 
-# pytest comes last, so that its closing line is the last one.
-test: lint pytest
+# Types take one core and some waiting: they are checked beside the tests, and told of where they fail. Otherwise
+# pytest's closing line is the last one.
+test: style
+	@mkdir -p build; $(MAKE) --no-print-directory types >build/types.log 2>&1 & types=$$!; \
+	$(MAKE) --no-print-directory pytest; tests=$$?; \
+	wait $$types || { cat build/types.log; echo "types or layers fail, see above"; exit 1; }; exit $$tests
 
 test-all: lint pytest-all
 
