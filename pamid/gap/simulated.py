@@ -41,21 +41,26 @@ if TYPE_CHECKING:
 
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
-    from .residuals.choice import motion_is_hidden, sign_may_be_lost
+    from .residuals.choice import motion_is_hidden, noise_pulls, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
     tell_if_unsteady(simulator, at_ports)
     tell_unit_doubts(simulator, at_ports)
     derived = measured_states(simulator, at_ports)
+
+    def predicted() -> ShootingEvidence:
+        found = ShootingEvidence(at_ports, simulator, refit=refit)
+        return ShootingEvidence(at_ports, simulator, refit=refit, lines=True) if found.lines_explain_more() else found
+
     if derived is None or (simulated and simulator.form != "algebraic"):
-        return ShootingEvidence(at_ports, simulator, refit=refit)
+        return predicted()
     found = DirectEvidence(at_ports, simulator, derived, refit)
-    if simulator.form == "ode" and sign_may_be_lost(found):
-        predicted = ShootingEvidence(at_ports, simulator, refit=refit)
-        if predicted.folds:
-            return predicted
-    return ShootingEvidence(at_ports, simulator, refit=refit) if motion_is_hidden(found) else found
+    if found.lines_explain_more():
+        found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
+    if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
+        return other
+    return predicted() if motion_is_hidden(found) or noise_pulls(found) else found
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

@@ -8,12 +8,15 @@ from typing import NamedTuple
 import numpy as np
 
 from ..errors import ParameterError
+from ..signals.units import UNITS
 from .base import Simulator
 
 _SOME = 200
 """Instants at which a simulator's structure is probed."""
 _OWN = 0.98
 """Share of instants at which an input must push the same way to be the drive of a joint."""
+_SAME = 1e-6
+"""Share of what half a turn changes that may be left after a full one."""
 
 
 class JointPort(NamedTuple):
@@ -119,6 +122,22 @@ def fed_by(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) ->
         ]
         if len(others) == 1:
             found[name] = others[0]
+    return found
+
+
+def full_turns(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, float]:
+    """Return a full turn of each state in which the simulator comes round: angles that act as on a pendulum."""
+    p, found = spread_numbers(simulator, x.shape[1]), {}
+    base = simulator.rate(t, x, u, p)
+    for k, name in enumerate(simulator.states):
+        unit = UNITS.get(simulator.port(name).unit)
+        if unit is None or unit.dimension != "angle":
+            continue
+        turn = 2.0 * np.pi / unit.factor
+        half, whole = (simulator.rate(t, x + share * turn * np.eye(len(x))[:, [k]], u, p) for share in (0.5, 1.0))
+        size = np.max(np.abs(half - base))
+        if np.max(np.abs(whole - base)) < _SAME * size:
+            found[name] = turn
     return found
 
 

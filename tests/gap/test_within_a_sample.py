@@ -146,3 +146,42 @@ def test_half_a_step_of_mujoco_beside_speeds_that_are_derived_is_no_cause(xml: s
     library = ["viscous_friction", "coulomb_friction", "parameter_deviation", "actuator_lag", "creep", "maxwell"]
     found = diagnose_simulator(of_an_arm(2), MujocoSimulator(tmp_path / "arm.xml"), library)
     assert [c.effects for c in found.causes] == causes and found.verdict == ("cause" if causes else "none")
+
+
+COIL = FunctionSimulator(
+    lambda t, x, u, p: [(u.V - p.R * x.i) / p.L],
+    [Port("V", "input", "V"), Port("i", "state", "A")],
+    {"R": (1.2, 0.1, "ohm"), "L": (4e-3, 0.1, "H")},
+)
+
+
+def coil_log(noise: float) -> pd.DataFrame:
+    """Return the current of a coil under a voltage that changes slowly beside its 3 ms: it stays near V/R."""
+    rng, dt, frames = np.random.default_rng(4), 2e-3, []
+    for k in range(2):
+        t = np.arange(1500) * dt
+        volt = 8.0 * np.sin(2 * np.pi * (2.0 + k) * t) + 4.0 * np.sin(2 * np.pi * (7.0 - 2.0 * k) * t + k)
+        kept, i, rows = np.exp(-1.2 * dt / 4e-3), 0.0, []
+        for now in volt:
+            rows.append(i)
+            i = kept * i + (1.0 - kept) * now / 1.2
+        current = np.array(rows) + noise * rng.standard_normal(len(t))
+        frames.append(pd.DataFrame({"trajectory": f"run {k}", "time": t, "V": volt, "i": current}))
+    return pd.concat(frames, ignore_index=True)
+
+
+def test_where_noise_would_bias_a_parameter_stretches_are_simulated() -> None:
+    """Noise in V - R i makes its slope over di/dt, 1/L, look small: least squares takes it for exact."""
+    assert isinstance(evidence_of(coil_log(0.01), COIL, refit=True), DirectEvidence)
+    assert not isinstance(evidence_of(coil_log(0.3), COIL, refit=True), DirectEvidence)
+    found = diagnose_simulator(coil_log(0.3), COIL, ["parameter_deviation"])
+    assert found.verdict == "none", str(found)
+
+
+def test_curves_within_a_step_are_no_residual() -> None:
+    """Held voltages let the current curve: lines between readings miss the mean rate by more than the noise."""
+    evidence = evidence_of(coil_log(1e-4), COIL)
+    assert isinstance(evidence, DirectEvidence)
+    bend = evidence.raw(evidence.white(evidence.skews["bend within steps"] / evidence.noise))
+    assert np.sqrt(np.mean(np.square(bend))) > 3.0
+    assert np.sqrt(np.mean(np.square(evidence.raw(evidence.z0)))) < 1.2

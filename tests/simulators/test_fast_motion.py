@@ -73,7 +73,7 @@ def test_slow_motion_is_held_against_its_equations_with_inputs_as_they_went(smoo
     omega = 0.3 * OMEGA
     evidence = evidence_of(driven(3000, smooth, 0.0, omega, noise=1e-5), spring(omega))
     assert isinstance(evidence, DirectEvidence)
-    assert evidence.held == (not smooth)
+    assert evidence.lines == smooth
 
 
 def test_a_noisy_reading_of_slow_motion_keeps_long_windows():

@@ -7,13 +7,21 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.integrate import solve_ivp
 
+from pamid.gap import diagnose_simulator
 from pamid.gap.inference.gauss_newton import Fitter
 from pamid.gap.residuals.shooting import ShootingEvidence
+from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
+from pamid.simulators.structure import full_turns
 
 FINE = 40
+
+
+WHIRL, HOLD = 0.02, 50
+"""Time between two readings of the pendulum, s, and readings over which its torque is constant."""
 
 
 def rates(t, x, u, p):
@@ -48,6 +56,34 @@ def spring_log(stiffness: float, damping: float, hold: int, lines: bool, rows: i
     return pd.concat(runs, ignore_index=True)
 
 
+WHIRLING = [
+    Port("T", "input", "rad/s2"), Port("q", "state", "rad", column="angle"),
+    Port("v", "state", "rad/s", column="not logged"),
+]  # fmt: skip
+
+
+def swing(t, x, u, p):
+    """Return the rates of a pendulum."""
+    return [x.v, u.T - p.d * x.v - p.g * np.sin(x.q)]
+
+
+def whirling(share: float) -> pd.DataFrame:
+    """Return the angle of a pendulum that is driven over the top again and again; its weight differs by a share."""
+    rng, state, read = np.random.default_rng(2), np.array([0.5, 14.0]), []
+    torque = np.repeat(rng.uniform(-2.0, 6.0, 12), HOLD)
+    for drive in torque[::HOLD]:
+
+        def turned(t: float, x: np.ndarray, drive: float = drive) -> list[float]:
+            return [x[1], drive - 0.05 * x[1] - 40.0 * share * np.sin(x[0])]
+
+        at = WHIRL * np.arange(HOLD + 1)
+        found = solve_ivp(turned, (0.0, at[-1]), state, t_eval=at, rtol=1e-9, atol=1e-9).y
+        read.extend(found[0, :-1])
+        state = found[:, -1]
+    angles = np.array(read) + 0.01 * rng.standard_normal(len(read))
+    return pd.DataFrame({"trajectory": "0", "time": WHIRL * np.arange(len(read)), "T": torque, "angle": angles})
+
+
 def test_with_its_true_parameters_a_simulator_explains_a_log_to_the_noise() -> None:
     """Initial states that fit the given spring would let the true one ring with another phase."""
     log, simulator = spring_log(412.0, 0.1, hold=50, lines=False, rows=1500), spring(400.0, 0.1)
@@ -58,13 +94,35 @@ def test_with_its_true_parameters_a_simulator_explains_a_log_to_the_noise() -> N
 
 
 @pytest.mark.parametrize(("lines", "stiffness"), [(False, 1000.0), (True, 4000.0)], ids=["held", "lines"])
-def test_held_inputs_and_lines_are_within_reach_of_each_other(
-    lines: bool, stiffness: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_held_inputs_and_lines_are_within_reach_of_each_other(lines: bool, stiffness: float) -> None:
     """Which of them a log has may be told wrong, but is no cause: jumps of the force come every third row."""
-    monkeypatch.setattr("pamid.gap.residuals.shooting.go_in_lines", lambda *_: not lines)
     log, simulator = spring_log(stiffness, 12.0, hold=3, lines=lines, rows=700), spring(stiffness, 12.0)
-    evidence = ShootingEvidence(port_log(log, simulator), simulator, refit=True)
+    evidence = ShootingEvidence(port_log(log, simulator), simulator, refit=True, lines=not lines)
     fit = Fitter(evidence).base()
     assert np.all(fit.scales < 1.05)
     assert abs((evidence.about + fit.x)[evidence.free.index("bend of F")]) < 0.8
+
+
+def test_how_inputs_go_from_row_to_row_is_asked_once_parameters_fit() -> None:
+    """A stiffness that is 3 % wrong moves a ringing mass by more than lines do, and hides them until it is fitted."""
+    log, simulator = spring_log(4120.0, 4.0, hold=25, lines=True, rows=300), spring(4000.0, 4.0)
+    evidence = evidence_of(log, simulator, refit=True, simulated=True)
+    assert evidence.lines
+    assert np.all(Fitter(evidence).base().scales < 1.05)
+
+
+def test_a_pendulum_that_whirls_is_lost_long_before_half_of_its_turns() -> None:
+    """Over its turns the angle spreads by far more than the simulator may miss, which is a part of one turn."""
+    log, pendulum = whirling(1.05), FunctionSimulator(swing, WHIRLING, {"g": (40.0, 0.1), "d": (0.05, 0.1)})
+    found = diagnose_simulator(log, pendulum, seed=0)
+    assert found.verdict == "none", str(found)
+    assert found.deviations["g"] == pytest.approx(0.5, abs=0.05)
+
+
+def test_only_angles_that_come_round_have_turns() -> None:
+    """A motor's angle changes nothing, and half a turn of a pendulum turns its weight around."""
+    motor = FunctionSimulator(lambda t, x, u, p: [x.v, u.T], WHIRLING, {})
+    pendulum = FunctionSimulator(swing, WHIRLING, {"g": 40.0, "d": 0.05})
+    at = np.zeros(3), np.array([[0.1, 0.5, 2.0], [0.0, 1.0, 2.0]]), np.ones((1, 3))
+    assert full_turns(motor, *at) == {}
+    assert full_turns(pendulum, *at) == {"q": pytest.approx(2.0 * np.pi)}

@@ -7,7 +7,6 @@ causes contribute, and a file does not say which it is.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 
 import numpy as np
 
@@ -15,9 +14,6 @@ from ...effects import Effect
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 
-NEAR_ONE, CERTAIN = 0.25, 4.0
-"""How near to its size what lines would change must be in the residuals, and by how many standard errors it must be
-known as near."""
 PIECES = 8
 """Pieces of a step in which what effects make of a held input is followed: the mean of a lag of half a step is exact to
 2e-3."""
@@ -54,35 +50,6 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
         bend[:, max(a - 2, 0) : a] = 0.0  # rows do not cross runs
     out[:, 1:-1] -= (1.0 / 12.0 + 1.0 / (24.0 * substeps**2)) * bend
     return out
-
-
-def go_in_lines(held: np.ndarray, lines: np.ndarray, counts: Sequence[int], others: np.ndarray) -> bool:
-    """Return whether residuals show that inputs are interpolated from row to row.
-
-    What lines would change is searched for in the differences from window to window, where inputs that jump stand out
-    and motion does not: it is there as a whole, or it is not.
-    """
-    found, wanted, beside = [], [], []
-    ends = np.cumsum([0, *counts])
-    for part in (slice(int(a), int(b)) for a, b in pairwise(ends)):
-        own = np.diff(held[part])
-        size = float(np.sqrt(np.mean(np.square(own)))) if len(own) else 0.0
-        if size > 0.0:
-            found.append(own / size)
-            wanted.append(np.diff(held[part] - lines[part]) / size)
-            beside.append(np.diff(others[part], axis=0) / size)
-    if not found:
-        return False
-    y, c, A = np.concatenate(found), np.concatenate(wanted), np.concatenate(beside)
-    if A.shape[1]:
-        A = A / (np.linalg.norm(A, axis=0) + 1e-300)
-        y, c = (v - A @ np.linalg.lstsq(A, v, rcond=1e-9)[0] for v in (y, c))
-    power = float(c @ c)
-    if not power > 0.0:
-        return False
-    share = float(c @ y) / power
-    error = float(np.sqrt(np.mean(np.square(y - share * c)) / power))
-    return abs(share - 1.0) < NEAR_ONE and CERTAIN * error < NEAR_ONE
 
 
 def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bool) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ...signals.noise import quantisation_step
+from ..settings import LEAST_GAIN
 from .direct import DirectEvidence
 from .stretches import BELOW
 from .tolerances import rms
@@ -13,6 +14,14 @@ BENT = 0.02
 """Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
+
+
+def noise_pulls(found: DirectEvidence) -> bool:
+    """Return whether noise in modelled rates moves a parameter by as much as a false alarm needs.
+
+    Predictions need no readings along the way. Simulators that answer one instant at a time take too long for them.
+    """
+    return found.simulator.form == "ode" and not found.simulator.one_by_one and 0.5 * found.pulled() ** 2 > LEAST_GAIN
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:

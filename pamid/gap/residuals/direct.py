@@ -38,14 +38,14 @@ from ...simulators.structure import (
 from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
-from .between_rows import NOTE, after, driven, go_in_lines, timings
+from .between_rows import after, driven, timings
 from .derived import rounded_off, speed_slopes
 from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
 from .steps import earlier, within_steps
-from .tolerances import SMALL
+from .tolerances import rms
 from .turned import Instants, Turned, turned
 from .turning import force_at_both_ends
 from .undone import UndoneEvidence
@@ -61,8 +61,10 @@ class DirectEvidence(UndoneEvidence):
 
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
 
-    def __init__(self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False) -> None:
-        super().__init__(log, simulator, refit)
+    def __init__(
+        self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False, lines: bool = False
+    ) -> None:
+        super().__init__(log, simulator, refit, lines)
         self.derived = dict(derived)
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
@@ -73,9 +75,9 @@ class DirectEvidence(UndoneEvidence):
         self._jumps: dict[str, np.ndarray] = {}
         self._tables: list[dict[str, np.ndarray]] = []
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
+        self._bend = np.zeros((len(simulator.states), 2 * log.n))
         self._x, self._table = self._motion(log.channels)
         self._u = log.inputs(simulator)
-        self.held = True
         if simulator.form == "ode":
             at = self._some()
             self.pushes = pushes_of(simulator, *at, self._steps)
@@ -84,12 +86,12 @@ class DirectEvidence(UndoneEvidence):
             self.feeds = fed_by(simulator, *at)
             self._rounding = speed_slopes(simulator, derived, *at)
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
+            self._bend = self._bent(self._base_rates, self._ends(self._u))
         else:
             self.pushes, self.joints = {}, []
         self.balances = self._balances()
         self._turned: Turned | None = None
         self._lay_windows()
-        self._hold()
         self._turned = self._turn()
         if self._turned is not None and self._turned.forces:
             units = {j.name: j.unit for j in self.joints}
@@ -102,6 +104,7 @@ class DirectEvidence(UndoneEvidence):
         self._asked.clear()
         if self.simulator.form == "ode":
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
+            self._bend = self._bent(self._base_rates, self._ends(self._u))
             self.pushes = pushes_of(self.simulator, *self._some(), self._steps)
 
     def _some(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -117,7 +120,7 @@ class DirectEvidence(UndoneEvidence):
     @property
     def modelled(self) -> np.ndarray:
         """Modelled rates at both ends of each step, inputs held, shape (n_states, 2 n_rows)."""
-        return self._base_rates if self.held else self._rates(self._x, self._u, self._u, self.simulator.numbers)
+        return self._rates(self._x, self._u, self._u, self.simulator.numbers) if self.lines else self._base_rates
 
     @property
     def says_forces(self) -> bool:
@@ -177,25 +180,14 @@ class DirectEvidence(UndoneEvidence):
             raise no_windows(log, self.n)
 
     def _ends(self, u: np.ndarray) -> np.ndarray:
-        return u if self.held else after(u, self.log)
+        return after(u, self.log) if self.lines else u
 
-    def _hold(self) -> None:
-        """Decide whether inputs are held over each step or interpolated to the next row."""
-        if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
-            return
-        known, found, rates = self.simulator.numbers, [], [self._base_rates]
-        for self.held in (False, True):
-            if not self.held:
-                rates.insert(0, self._rates(self._x, self._u, self._ends(self._u), known))
-            self._base_rates = rates[self.held]
-            self._asked.clear()
-            found.append(self._residual([], known))
-        others = [self._residual([], self.numbers({name: SMALL})) - found[1] for name in self.free]
-        beside = np.column_stack(others) if others else np.zeros((len(found[1]), 0))
-        if go_in_lines(found[1], found[0], [len(w.first) for w in self.windows], beside):
-            self.held, self._base_rates = False, rates[0]
-            self.notes.append(NOTE)
-        self._asked.clear()
+    def _with_lines(self) -> np.ndarray:
+        """Return the change of the residuals by inputs that go straight from row to row."""
+        ends = after(self._u, self.log)
+        rates = self._rates(self._x, self._u, ends, self.simulator.numbers)
+        change = rates + self._bent(rates, ends) - self._base_rates - self._bend
+        return self._under(self._u, change) - self._under(self._u)
 
     def _skew(self) -> None:
         """Add nuisance parameters with tolerances.
@@ -224,7 +216,7 @@ class DirectEvidence(UndoneEvidence):
                     self.skews[name] = column
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
-                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step
+                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step, self._bend
             ):
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
@@ -314,7 +306,7 @@ class DirectEvidence(UndoneEvidence):
             if place.enters == "input" and not place.acts:
                 k = simulator.inputs.index(place.at)
                 u = u.copy()
-                u[k] = driven(place, made, u[k], log, self.held)
+                u[k] = driven(place, made, u[k], log, not self.lines)
         shown, pushed = u.copy(), np.hstack([u, self._ends(u)])
         added = np.zeros((len(x), 2 * log.n))
         for place, made in active:
@@ -355,12 +347,28 @@ class DirectEvidence(UndoneEvidence):
         """Return the rates at both ends of each step, under the inputs there, shape (n_states, 2 n_rows)."""
         return self.simulator.rate(*self._both(x, u0, u1, p))
 
+    def _bent(self, rates: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        r"""Return what curves within each step add to the means of the rates: Simpson's rule less the trapezoid's.
+
+        The state at mid-step is :math:`\tfrac12 (x_0 + x_1) + \tfrac h8 (\dot x_0 - \dot x_1)`. Rates that bend by more
+        than a twelfth of their change are too fast for such a series.
+        """
+        log, start, end = self.log, *np.hsplit(rates, 2)
+        x = 0.5 * (self._x + after(self._x, log)) + log.dt / 8.0 * (start - end)
+        u = 0.5 * (self._u + ends)
+        middle = self.simulator.rate(log.t + 0.5 * log.dt, x, u, wide(self.simulator.numbers, log.n))
+        bend = 2.0 / 3.0 * (middle - 0.5 * (start + end))
+        for row, change in zip(bend, end - start, strict=True):
+            if not rms(row) < rms(change) / 12.0:
+                row[:] = 0.0
+        return np.tile(bend, 2)
+
     def _total_rates(
         self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
     ) -> np.ndarray:
         """Return the rates; where only inputs differ and the rates are linear in them, by superposition."""
         lacking = np.tile(self._rounding @ rounded_off(self.simulator, self.derived, x, self.log), 2)
-        return lacking + self._rates_at(x, u, pushed, p, restored)
+        return lacking + self._bend + self._rates_at(x, u, pushed, p, restored)
 
     def _rates_at(self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool) -> np.ndarray:
         start, end = np.hsplit(pushed, 2)

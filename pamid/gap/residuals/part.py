@@ -41,7 +41,7 @@ def to_search(evidence: DirectEvidence) -> DirectEvidence:
     part = part_of(evidence.log, MOST_ANSWERS // len(evidence.joints))
     if part is evidence.log:
         return evidence
-    found = DirectEvidence(part, evidence.given, evidence.derived)
+    found = DirectEvidence(part, evidence.given, evidence.derived, lines=evidence.lines)
     if found.equations != evidence.equations or found.joints != evidence.joints:
         return evidence  # joints that move elsewhere rest in the part
     found.begin_as(evidence)

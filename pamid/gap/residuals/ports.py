@@ -24,7 +24,7 @@ from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
-from .between_rows import STEPS
+from .between_rows import NOTE, STEPS
 from .linked import Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
@@ -76,8 +76,10 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Readings whose sign is lost, see `StretchEvidence`."""
     one_sided = True
 
-    def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False) -> None:
+    def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False, lines: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
+        self.lines = lines
+        """Whether inputs go straight from row to row, instead of being held over each step."""
         self.windows: list[PortWindows] = []
         self._kept: Remembered[np.ndarray] = Remembered(MOST_KEPT, attrgetter("nbytes"))
         self._touches: dict[str, list[str]] = {}
@@ -130,6 +132,24 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             self._begun(straight)
         if STEPS in self.skews and not self._stepped_alone():
             self._set_aside(STEPS)
+        if self.lines:
+            self.notes.append(NOTE)
+
+    def lines_explain_more(self) -> bool:
+        """Return whether inputs that go straight from row to row explain the log better than held ones.
+
+        Parameters and clocks are fitted to both: some of them shift what a reading shows by nearly as much.
+        """
+        if self.lines or self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
+            return False
+        low, high = self.ends
+        z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
+        held, lines = (solve(z, self.J, low, high, self.parts, self.weights).loglik for z in (self.z0, z1))
+        return lines > held + LEAST_GAIN
+
+    @abstractmethod
+    def _with_lines(self) -> np.ndarray:
+        """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
     def _stepped_alone(self) -> bool:
         """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""

@@ -41,12 +41,12 @@ class PredictedEvidence(StretchEvidence):
         number.
     """
 
-    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
-        super().__init__(log, simulator, whole, refit)
+    def __init__(
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
+    ) -> None:
+        super().__init__(log, simulator, whole, refit, lines)
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
-        self.lines = False
-        """Whether inputs go straight from row to row, instead of being held over each step."""
         self._has_run = False
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}

@@ -30,7 +30,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
-from .between_rows import NOTE, STEPS, go_in_lines, timings
+from .between_rows import STEPS, timings
 from .port_windows import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
@@ -55,8 +55,10 @@ class Begun(NamedTuple):
 class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
-    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
-        super().__init__(log, simulator, whole, refit)
+    def __init__(
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
+    ) -> None:
+        super().__init__(log, simulator, whole, refit, lines)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]
@@ -73,8 +75,9 @@ class ShootingEvidence(PredictedEvidence):
         shortest = min(s.stop - s.first for s in self.stretches)
         self.n = max(1, min(log.n // LEAST_WINDOWS, shortest // SHORTEST, self._fastest()))
         self._look()
+        if self.substeps > 1:
+            self._look_at_noise()  # what the integrator missed is no noise
         self._blocks()
-        self._hold()
         self._skew()
         self._settle()
 
@@ -94,22 +97,11 @@ class ShootingEvidence(PredictedEvidence):
             self._readings_noise[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
             self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
-    def _hold(self) -> None:
-        """Decide whether inputs are held over each step or interpolated to the next row."""
-        if self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
-            return
-        known, found = self.simulator.numbers, []
-        others = [self._changed([], self.numbers({name: SMALL}), [], known) for name in self.free]
-        for self.lines in (False, True):
-            self._plain = self._fold(self._predict(self._x0, [], known))
-            found.append(self._residual([], known))
-        beside = np.column_stack(others) if others else np.zeros((len(found[0]), 0))
-        self.lines = go_in_lines(found[0], found[1], [len(w.first) for w in self.windows], beside)
-        if self.lines:
-            self.notes.append(NOTE)
-            self._again()
-            self._look_at_noise()
-        self._plain = self._predict(self._x0, [], known)
+    def _with_lines(self) -> np.ndarray:
+        """Return the change of the residuals by inputs that go straight from row to row, to first order."""
+        base = self._drive([], self.simulator.numbers)
+        near = self._near(self._x0, base, Drive(self._u, base.p, [], True))
+        return self._compared([], [], *map(self._fold, near))
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample, after removing what was predicted."""
@@ -133,7 +125,7 @@ class ShootingEvidence(PredictedEvidence):
             simulator, log.dt, log.t[rows], self._x0[:, : len(rows[0])], np.moveaxis(self._u[:, rows], 0, 1), numbers,
             needed,
         )  # fmt: skip
-        self._x0 = self._fitted_starts() if self.substeps > 1 else self._x0
+        self._x0 = self._fitted_from(self._x0)[0] if self.substeps > 1 else self._x0
         states, _ = self._simulate(self._x0, self._u, p, [])
         for stretch, x in zip(self.stretches, states, strict=True):
             self._states[:, stretch.first : stretch.stop] = x
@@ -147,7 +139,7 @@ class ShootingEvidence(PredictedEvidence):
 
     def _again(self) -> None:
         """Clear caches of the simulator with other parameters."""
-        self._x0 = self._fitted_starts()
+        self._x0 = self._fitted_from(self._x0)[0]
         for kept in (self._moved, self._done, self._from, self._last, self._responses):
             kept.clear()
         self._blocks()

@@ -29,7 +29,7 @@ def measured_states(simulator: Simulator, log: PortLog) -> dict[str, str] | None
     return derived if all(_idle(simulator, log, s) for s in hidden) else None
 
 
-def _probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return instants of the log with states that all differ, to probe the structure."""
     at, rng = some_instants(log.n), np.random.RandomState(0)
     x = np.stack(
@@ -48,12 +48,12 @@ def _around(simulator: Simulator, state: str, rng: np.random.RandomState, at: np
 
 def pairs_of(simulator: Simulator, log: PortLog) -> dict[str, str]:
     """Return the positions whose rate is another state, with that state."""
-    return kinematic_pairs(simulator, *_probe(simulator, log))
+    return kinematic_pairs(simulator, *probe(simulator, log))
 
 
 def _idle(simulator: Simulator, log: PortLog, state: str) -> bool:
     """Return whether nothing depends on a state, such as a position that enters no force."""
-    t, x, u = _probe(simulator, log)
+    t, x, u = probe(simulator, log)
     moved, k = x.copy(), simulator.states.index(state)
     moved[k] += 0.1 * (float(np.max(np.abs(x[k]))) or 1.0)
     p = spread_numbers(simulator, len(t))

@@ -11,9 +11,11 @@ import numpy as np
 
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
+from ...simulators.structure import full_turns
 from ..inference.student_t import bounded
 from ..settings import TOLERANCE
 from .ports import PortEvidence
+from .states import pairs_of, probe
 from .tolerances import LAYINGS, differ
 
 FOLLOWS = 0.5
@@ -54,13 +56,22 @@ class StretchEvidence(PortEvidence):
     folds: Mapping[str, float]
     """Readings whose sign is lost, with the share of it: the simulator follows the log once that is taken away."""
 
-    def __init__(self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False) -> None:
-        super().__init__(log, simulator, refit)
+    def __init__(
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
+    ) -> None:
+        super().__init__(log, simulator, refit, lines)
         self.whole = whole
         self.stretches: list[Segment] = []
         self.folds = {}
         self._x0 = np.zeros((len(simulator.states), 0))
         self._moved: dict[tuple[str, ...], np.ndarray] = {}
+        self._round: dict[str, float] = {}
+        self._moves: dict[str, str] = {}
+        """Hidden velocities, with the positions that show them."""
+        if simulator.form == "ode" and simulator.states:
+            self._round = full_turns(simulator, *probe(simulator, log))
+            hidden = {v: x for x, v in pairs_of(simulator, log).items() if x in log.channels}
+            self._moves = {v: x for v, x in hidden.items() if v not in log.channels}
         self._guess = np.array([simulator.port(s).start for s in simulator.states])
 
     @abstractmethod
@@ -132,12 +143,20 @@ class StretchEvidence(PortEvidence):
         return longest
 
     def _starts(self) -> np.ndarray:
-        """Return first guesses of the initial states: measured values, else the start of runs."""
+        """Return first guesses of the initial states: measured values and speeds, else the start of runs."""
         x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
         for k, state in enumerate(self.simulator.states):
             if state in self.log.channels:
                 x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
+            elif state in self._moves:
+                x0[k] = [self._speed(self._moves[state], s, x0[k, j]) for j, s in enumerate(self.stretches)]
         return x0
+
+    def _speed(self, position: str, s: Segment, otherwise: float) -> float:
+        """Return how fast a stretch begins: over the first rows in which it moves by clearly more than the noise."""
+        way = self.log.channels[position][s.first : s.stop] - self.log.channels[position][s.first]
+        rows = int(np.argmax(np.abs(way) > BELOW * self.sigma[position]))
+        return float(way[rows]) / (rows * self.log.dt) if rows else otherwise
 
     def _fitted_starts(self) -> np.ndarray:
         x0 = self._starts()
@@ -246,15 +265,22 @@ class StretchEvidence(PortEvidence):
 
     def _followed(self, error: list[np.ndarray]) -> int:
         """Return for how many samples predictions usually follow the log."""
-        most = np.array([FOLLOWS * float(np.std(self.log.channels[n])) / self.sigma[n] for n in self.shown])
+        most = np.array([FOLLOWS * self._spread(n) / self.sigma[n] for n in self.shown])
         astray = [np.flatnonzero(np.any(~(np.abs(e) <= most[:, None]), axis=0)) for e in error]
         return int(np.median([a[0] if len(a) else e.shape[1] for a, e in zip(astray, error, strict=True)]))
+
+    def _spread(self, name: str) -> float:
+        """Return a signal's deviation; of an angle in which the simulator comes round, at most that within a turn.
+
+        A pendulum that whirls is somewhere else long before it misses half of all turns that it made.
+        """
+        return min(float(np.std(self.log.channels[name])) or 1.0, self._round.get(name, np.inf) / np.sqrt(12.0))
 
     def _missed(self, error: list[np.ndarray]) -> float:
         """Return the largest prediction error as a share of a signal's deviation."""
         worst = 0.0
         for row, name in zip(np.concatenate(error, axis=1), self.shown, strict=True):
-            size = float(np.std(self.log.channels[name])) or 1.0
+            size = self._spread(name)
             worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
         return worst if np.isfinite(worst) else np.inf
 

@@ -32,7 +32,7 @@ from ...equations.windows import average
 from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
-from .tolerances import rms
+from .tolerances import SMALL, rms
 
 
 class UndoneEvidence(PortEvidence, ABC):
@@ -55,6 +55,28 @@ class UndoneEvidence(PortEvidence, ABC):
     @abstractmethod
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the states at each row, and all signals by name."""
+
+    def pulled(self) -> float:
+        r"""Return by how many standard errors noise in the modelled rates pulls the parameter that it pulls most.
+
+        Least squares takes them for exact (errors in variables). With residuals r and slopes s on the log, and both on
+        a copy with as much noise again, the pull is :math:`\sum (s' - s)(r' - r) / \sqrt{\sum s^2}`.
+        """
+        worst, weights = 0.0, np.concatenate([np.full(p.stop - p.start, w)
+                                              for p, w in zip(self.parts, self.weights, strict=True)])  # fmt: skip
+        plain = self._residual(self._own, self.simulator.numbers)
+        noisy = self._residual(self._own, self.simulator.numbers, self._copies[0])
+        moved = self._whitening.white((noisy - plain) / self.noise)
+        for name in self.free:
+            if name not in self.skews:
+                there = self.numbers({name: SMALL})
+                slopes = [
+                    self._whitening.white((self._residual(self._own, there, channels) - before) / self.noise)
+                    for channels, before in ((None, plain), (self._copies[0], noisy))
+                ]
+                size = float(np.sqrt(weights @ np.square(slopes[0]))) or 1.0
+                worst = max(worst, abs(float(weights @ ((slopes[1] - slopes[0]) * moved))) / size)
+        return worst
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return the relative width of the noise under effects that are undone in readings; None without any."""
