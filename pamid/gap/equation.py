@@ -63,7 +63,9 @@ def _outward(found: Diagnosis, m: Measured, gathered: Gathered) -> Diagnosis:
 def stated_evidence(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
     """Return the evidence on the equation that a simulator states, in the units of the log."""
     problem = simulator.problem(log)
-    found = Measured.of(problem).at_ports()
+    m = Measured.of(problem)
+    found = m.evidence()
+    found.log = m.log
     for k, name in enumerate(dict.fromkeys(problem.groups.tolist())):
         if (mine := found.run == k).any():
             found.noise[mine] = problem.noise(np.flatnonzero(problem.groups == name), found.n)

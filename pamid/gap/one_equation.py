@@ -151,12 +151,6 @@ class Measured:
         channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
         return PortLog(channels, since * self.dt, starts, self.dt, [str(self.names[k]) for k in self.codes[starts]])
 
-    def at_ports(self) -> SignalEvidence:
-        """Return the evidence of all rows in the units of the log, as that of a simulator with ports."""
-        found = self.evidence()
-        found.log = self.log
-        return found
-
 
 def sampling_interval(signals: Table, codes: np.ndarray, otherwise: float = 1e-3) -> float:
     """Return the sampling interval that the times of signals tell, s; another where they do not."""

@@ -105,3 +105,18 @@ class Path:
             last[a:b, c] = len(lanes) * (np.searchsorted(turned, np.arange(b - a), side="left") - 1).clip(0) + k
         place = last.reshape(self.position.shape)
         return Turns(values, place, values.ravel()[place])
+
+
+def turns_back(x: np.ndarray, starts: np.ndarray) -> bool:
+    """Return whether a path reverses at least once per run; within 1 % of its range it may be noise.
+
+    Parameters
+    ----------
+    x : array, shape (n,)
+        The path.
+    starts : array of int, shape (n_runs,)
+        First row of each run.
+    """
+    slack = 0.01 * float(np.ptp(x)) if len(x) else 0.0
+    runs = [run for run in np.split(x, starts[1:]) if len(run) > 1]
+    return sum(len(reversals(play(run, slack))) - 2 for run in runs) >= len(starts)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
 from ...signals.paths import reversals
+from ...simulators.port_log import PortLog
+from ..residuals.repeats import repeating
 from ..residuals.single import SignalEvidence
 from .sensitivity import Template
 from .student_t import bounded
@@ -19,10 +20,6 @@ FOLDS = 5
 _ROWS = 12_000
 _AT_ONCE = 64  # templates, so that they take little memory; the answer is the same for any number
 _CLEARLY = 0.05  # share of the power by which the other sense must explain more
-
-
-ALIKE = 0.05
-"""Most that a signal of two runs may differ, as a share of its spread in the log, for them to repeat each other."""
 
 
 class Learned(NamedTuple):
@@ -52,21 +49,8 @@ def measured_noise(evidence: SignalEvidence) -> float:
 def repeats(evidence: SignalEvidence) -> list[tuple[int, int]]:
     """Return the pairs of runs in which every input takes the same course over the same time."""
     driving = {k: x for k, x in evidence.table.items() if k in ("position", "pressure", "command", "flow")}
-    moving = {k: x for k, x in driving.items() if np.std(x) > 0.0}
-    ends = [*evidence.borders[1:].tolist(), len(evidence.y)]
-    rows = [slice(a, b) for a, b in zip(evidence.borders.tolist(), ends, strict=True)]
-    found = []
-    for a, b in combinations(range(len(rows)), 2):
-        n = min(rows[a].stop - rows[a].start, rows[b].stop - rows[b].start)
-        if n < 0.8 * max(rows[a].stop - rows[a].start, rows[b].stop - rows[b].start):
-            continue
-        if moving and all(_near(x[rows[a]][:n], x[rows[b]][:n], float(np.std(x))) for x in moving.values()):
-            found.append((a, b))
-    return found
-
-
-def _near(x: np.ndarray, y: np.ndarray, spread: float) -> bool:
-    return float(np.sqrt(np.mean(np.square(x - y)))) <= ALIKE * spread
+    t = np.arange(len(evidence.y)) * evidence.dt
+    return repeating(PortLog(driving, t, evidence.borders, evidence.dt, evidence.trajectories), driving)
 
 
 def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...signals.paths import play, reversals
+from ...signals.paths import turns_back
 from ...simulators.base import Simulator
 from ...simulators.links import Link, links_of
 from ...simulators.port_log import PortLog
@@ -54,10 +54,7 @@ class Paths(ABC):
     def _turns(self, path: str) -> bool:
         """Return whether a path reverses at least once per run."""
         if path not in self._turning:
-            x = self._path_of(path)
-            slack = 0.01 * float(np.ptp(x))  # reversals by sensor noise do not count
-            turns = [len(reversals(play(x[a:b], slack))) - 2 for a, b in self.log.spans if b - a > 1]
-            self._turning[path] = sum(turns) >= len(self.log.spans)
+            self._turning[path] = turns_back(self._path_of(path), self.log.starts)
         return self._turning[path]
 
     def _path_of(self, name: str) -> np.ndarray:

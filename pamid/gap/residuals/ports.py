@@ -28,7 +28,7 @@ from .between_rows import NOTE, STEPS
 from .linked import Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
-from .repeats import pieces, repeats
+from .repeats import pieces, repeating
 from .settled import Settled
 from .single import UNTURNED, memory_of
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
@@ -295,7 +295,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         that many windows count as one.
         """
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
-        for pair in repeats(self.log, self.simulator.inputs):
+        for pair in repeating(self.log, self.simulator.inputs):
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
                     memory = memory_of(spread, np.zeros(len(spread), int))

@@ -17,7 +17,7 @@ FEW, PIECES = 3, 8
 """Runs below which pieces of them take their place, and how many of those there are in all."""
 
 
-def repeats(log: PortLog, inputs: Collection[str]) -> list[tuple[int, int]]:
+def repeating(log: PortLog, inputs: Collection[str]) -> list[tuple[int, int]]:
     """Return the pairs of runs with the same inputs over the same time and similar readings."""
     found = []
     driven = {k: ALIKE for k in inputs if k in log.channels}
@@ -26,7 +26,7 @@ def repeats(log: PortLog, inputs: Collection[str]) -> list[tuple[int, int]]:
         (a, b), (c, d) = log.spans[i], log.spans[j]
         n = min(b - a, d - c)
         apart = {k: log.channels[k][a : a + n] - log.channels[k][c : c + n] for k in limits}
-        if n >= 0.8 * max(b - a, d - c) and all(rms(apart[k]) <= most for k, most in limits.items()):
+        if limits and n >= 0.8 * max(b - a, d - c) and all(rms(apart[k]) <= most for k, most in limits.items()):
             found.append((i, j))
     return found
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...effects import Effect, Parameter, Plant
 from ...equations.noise import channel_noise
 from ...remembered import Remembered
-from ...signals.paths import play, reversals, steady_path
+from ...signals.paths import steady_path, turns_back
 from ...signals.roles import ROLES, STATE_ROLES
 from ...simulators.placement import Scales
 from ...simulators.port_log import PortLog
@@ -162,15 +162,9 @@ class SignalEvidence(Straight):
         effect = self.effects[name]
         if self.scales.position == 1.0:
             return effect.prior
-        if effect.follows_path() and self._turns() < len(self.borders):
+        if effect.follows_path() and not turns_back(self.path, self.borders):
             return min(effect.prior, UNTURNED)
         return 0.0 if "bench" in effect.kinds else effect.prior
-
-    def _turns(self) -> int:
-        ends = [*self.borders.tolist(), len(self.y)]
-        # Reversals by sensor noise do not count.
-        slack = 0.01 * float(np.ptp(self.path)) if len(self.path) else 0.0
-        return sum(len(reversals(play(self.path[a:b], slack))) - 2 for a, b in pairwise(ends) if b - a > 1)
 
     # --- effects --------------------------------------------------------------------------------------------
     def added(self, spec: Spec) -> np.ndarray:
