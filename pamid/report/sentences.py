@@ -233,30 +233,36 @@ def query_words(query: str, words: Words = BENCH) -> str:
         return f"where {query}"
     # Both muscles are alike: what is said of the first one alone holds for either.
     alike = not any(m[1].endswith("2") for m in plain)
-    return f"where {listed([_condition(m[1], m[2], float(m[3]), alike, words) for m in plain])}"
+    ranges: dict[str, tuple[float, float]] = {}
+    for m in plain:
+        (low, high), limit = ranges.get(m[1], (-math.inf, math.inf)), float(m[3])
+        ranges[m[1]] = (max(low, limit), high) if m[2][0] == ">" else (low, min(high, limit))
+    return f"where {listed([_condition(name, *ends, alike, words) for name, ends in ranges.items()])}"
 
 
-def _condition(name: str, sign: str, limit: float, alike: bool, words: Words) -> str:
-    above = sign[0] == ">"
+def _condition(name: str, low: float, high: float, alike: bool, words: Words) -> str:
+    """Return in words that a signal lies within a range, which may be open at one end."""
     if name in words.ports:
-        unit = f" {words.signal(name).unit}".rstrip()
-        return f"{name} is {'above' if above else 'below'} {limit:.3g}{unit}"
+        return f"{name} is {_within(low, high, 1.0, words.signal(name).unit)}"
     bare, side = _SIDE.sub("", name), name[-1] if _SIDE.search(name) else ""
     if alike:
         name, side = bare, ""
     muscle = f"muscle {side}" if side else "the muscle"
-    if limit == 0.0:
-        moving = {
-            "deps": ("shortens", "lengthens"),
-            "dP": ("gains pressure", "loses pressure"),
-            "u": ("is being filled", "is being vented"),
-        }
-        if bare in moving:
-            return f"{muscle} {moving[bare][0 if above else 1]}"
+    moving = {
+        "deps": ("shortens", "lengthens"),
+        "dP": ("gains pressure", "loses pressure"),
+        "u": ("is being filled", "is being vented"),
+    }
+    if bare in moving and (low, high) in ((0.0, math.inf), (-math.inf, 0.0)):
+        return f"{muscle} {moving[bare][low != 0.0]}"
     quantity = words.signal(name)
-    value = f"{limit * quantity.factor:.3g}"
-    unit = f" {quantity.unit}" if quantity.unit else ""
-    return f"the {quantity.words.replace(', absolute', '')} is {'above' if above else 'below'} {value}{unit}"
+    return f"the {quantity.words.replace(', absolute', '')} is {_within(low, high, quantity.factor, quantity.unit)}"
+
+
+def _within(low: float, high: float, factor: float, unit: str) -> str:
+    ends = [f"{end * factor:.3g}" for end in (low, high) if math.isfinite(end)]
+    where_ = "between" if len(ends) == 2 else "above" if high == math.inf else "below"
+    return f"{where_} {' and '.join(ends)} {unit}".rstrip()
 
 
 # --- which --------------------------------------------------------------------------------------------------
