@@ -269,6 +269,19 @@ def test_sentences_hold_the_numbers_of_the_section_that_they_link() -> None:
     assert not wrong, "\n".join(wrong)
 
 
+@pytest.mark.parametrize(
+    ("name", "pictures"), [("README.md", ["arm"]), ("docs/index.md", ["landing", "landing-narrow"])]
+)
+def test_captions_hold_the_numbers_of_their_pictures(name: str, pictures: list[str]) -> None:
+    """The last panel says how far the error falls; the page repeats it."""
+    said = numbers((ROOT / name).read_text(encoding="utf-8").partition("**4**")[2].partition("\n\n")[0])
+    assert len(said) >= 2
+    for picture in pictures:
+        drawn = (ROOT / "docs" / "images" / f"{picture}.svg").read_text(encoding="utf-8")
+        shown = re.findall(r"<text[^>]*>(-?[\d.]+)<", drawn.replace("−", "-"))
+        assert not [n for n in said if not any(agrees(n, at) for at in shown)], (picture, said, shown)
+
+
 def test_a_number_that_a_linked_section_lacks_is_noticed() -> None:
     link = "([measured](../benchmarks/figures.md#changes-of-a-stream))"
     assert unmeasured(f"It was 7. None of 300 streams raises an alarm {link}. It is 8.") == []
