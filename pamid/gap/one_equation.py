@@ -66,8 +66,7 @@ class Measured:
         """Return the equation that a simulator states on a log."""
         import pandas as pd
 
-        X, roles = problem.X, dict(problem.roles)
-        codes = np.concatenate([[0], np.cumsum(problem.groups[1:] != problem.groups[:-1])]).astype(int)
+        X, roles, codes = problem.X, dict(problem.roles), problem.codes
         given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items()}
         dt = sampling_interval(given, codes)
         signals = role_signals(given, codes, dt, problem.equation)

@@ -43,6 +43,11 @@ class Problem(NamedTuple):
     fitted: Any = None
     """The simulator with the numbers that were fitted to the log, where there are such."""
 
+    @property
+    def codes(self) -> np.ndarray:
+        """Run of each row, from 0 in their order."""
+        return np.cumsum(np.append(False, self.groups[1:] != self.groups[:-1]))
+
     def noise(self, rows: np.ndarray, n: int) -> float:
         r"""Return the standard deviation that the channels' noise leaves in a mean of n samples of the residual.
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import EffectSpec
+from ..gap.one_equation import sampling_interval
 from ..gap.residuals.rates import with_rates
 from ..gap.residuals.single import SignalEvidence, Table
 from ..simulators.placement import Scales
@@ -22,11 +23,8 @@ class WithEffects:
 
     def __init__(self, problem: Problem, effects: Sequence[EffectSpec], sense: int) -> None:
         self.problem, self.effects, self.sense = problem, effects, sense
-        changes = problem.groups[1:] != problem.groups[:-1]
-        self._codes = np.concatenate([[0], np.cumsum(changes)]).astype(int)
-        time = problem.X["time"].to_numpy(dtype=float)
-        steps = np.diff(time)[~changes]
-        self._dt = float(np.median(steps[steps > 0])) if np.any(steps > 0) else 1.0
+        self._codes = problem.codes
+        self._dt = sampling_interval({"time": problem.X["time"].to_numpy(dtype=float)}, self._codes, 1.0)
 
     def __call__(self, X: pd.DataFrame) -> np.ndarray:
         """Return the modelled target of some rows, of whole runs where an effect has memory."""

@@ -75,6 +75,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
     one_sided = True
+    _u: np.ndarray
+    """Inputs at each row."""
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False, lines: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
