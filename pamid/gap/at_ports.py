@@ -16,7 +16,7 @@ from .inference.student_t import scale
 from .readings import settled
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
-from .simulated import evidence_of, learn, outward
+from .simulated import evidence_of, learn, outward, runner
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,5 +44,7 @@ def diagnose_at_ports(
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, evidence.log.n))
-        found = explain(evidence, library, np.random.RandomState(seed), notes, say, searched, known, interrupted)
+        found = explain(
+            evidence, library, np.random.RandomState(seed), notes, say, searched, known, interrupted, runner(searched)
+        )
     return outward(found, evidence)

@@ -14,6 +14,7 @@ from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
 from .inference.hypotheses import Screen
+from .inference.run_off import Run, by_running
 from .inference.sensitivity import Template
 from .inference.so_far import alone_so_far, stopped
 from .inference.stepped import with_steps
@@ -79,6 +80,7 @@ def explain(
     searched: ResidualSource | None = None,
     known: Mapping[str, Sequence[Template]] | None = None,
     interrupted: bool = False,
+    run: Run | None = None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
@@ -89,7 +91,8 @@ def explain(
     fit, over runs and regions, and in what is left.
 
     Causes are searched in a part of the evidence where one is given, with templates of effects that are known there;
-    where the search was interrupted already, the best single effect is refitted and no more.
+    where the search was interrupted already, the best single effect is refitted and no more. Where `run` simulates,
+    it rules out sets of effects that equations hardly tell apart.
     """
     from threadpoolctl import threadpool_limits
 
@@ -102,6 +105,8 @@ def explain(
         if again is not None:
             competition, outcome = again
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
+        if run is not None:
+            outcome = by_running(competition, outcome, run)
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

@@ -23,12 +23,14 @@ from .diagnosis.findings import Candidate, Cause, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .inference.first_order import FirstOrder
 from .inference.floor import explainable
+from .inference.run_off import Run
 from .inference.sensitivity import Template, laid
 from .inference.so_far import alone_so_far, in_words, stopped
 from .residuals.between_rows import steps_taken
 from .residuals.direct import DirectEvidence
+from .residuals.part import MOST_ANSWERS, part_of
 from .residuals.ports import PortEvidence
-from .residuals.protocol import STATE
+from .residuals.protocol import STATE, Spec
 from .residuals.states import measured_states
 from .settings import EXCESS
 
@@ -78,6 +80,38 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
     evidence = ShootingEvidence(at_ports, simulator, whole=True)
     names = [at_ports.names[k] for k in at_ports.run]
     return pd.DataFrame({"trajectory": names, "time": at_ports.t, **evidence.predicted(more)})
+
+
+def runner(evidence: PortEvidence) -> Run | None:
+    """Return what runs the simulator with effects over a log's stretches; None where residuals are that already.
+
+    Initial states and what is not known within a sample are fitted to each, the effects are as they are given.
+    """
+    from ..errors import PamidError
+    from .inference.gauss_newton import Fitter
+    from .residuals.shooting import ShootingEvidence
+
+    if not isinstance(evidence, DirectEvidence) or evidence.simulator.form != "ode":
+        return None
+    made: list[tuple[ShootingEvidence, Fitter]] = []
+
+    def run(spec: Spec) -> float | None:
+        if not made:
+            part = part_of(evidence.log, MOST_ANSWERS // max(len(evidence.joints), 1))
+            runs = ShootingEvidence(part, evidence.simulator)
+            made.append((runs, Fitter(runs)))
+        (runs, fitter), places = made[0], evidence.placements
+        if not spec.keys() <= runs.placements.keys():
+            return None
+        return fitter.at({k: runs.placements[k].inward(places[k].outward(v)) for k, v in spec.items()}).loglik
+
+    def run_if_it_can(spec: Spec) -> float | None:
+        try:
+            return run(spec)
+        except PamidError:  # the simulator does not follow the log
+            return None
+
+    return run_if_it_can
 
 
 class Library(NamedTuple):

@@ -1,13 +1,17 @@
 """A corrected FMU comes back as an FMU: the original inside, its inputs and outputs with what was found."""
 
 import gc
+import zipfile
 
 import numpy as np
+import pandas as pd
 import pytest
 
 pytest.importorskip("fmpy")
 
+from pamid.cli import main
 from pamid.errors import ExportError, SimulatorRunError
+from pamid.export.fmu import compiled, packed
 from pamid.export.ode_fmu import ode_fmu
 from pamid.simulators import FmuSimulator, Port
 from pamid.simulators.fmu_model import _distinct
@@ -110,6 +114,30 @@ def test_a_run_without_numbers_is_told_and_is_no_number(tmp_path):
         sim.runs(T, go, np.zeros((2, 0)), np.zeros((2, 0)))
     assert "status Error" in str(told.value)
     assert np.allclose(sim.run(T, go[0], np.zeros(0), np.zeros(0)), 4.0)  # the same process goes on
+
+
+@pytest.mark.parametrize(
+    "broken", ["return 2;", "return 3;", "m->v[1] = 0.0 / zero;"], ids=["discards", "fails", "not a number"]
+)
+def test_a_step_that_fails_after_half_a_second_is_no_number(motor, tmp_path, broken, capsys):
+    """Of whatever status: half a run is no run, and nothing is evaluated."""
+    with zipfile.ZipFile(motor) as given:
+        entries = {name: given.read(name) for name in given.namelist()}
+    source = entries["sources/motor.c"].decode()
+    late = f"volatile double zero = 0.0; (void)zero; if (now > 0.5) {{ {broken} }}"
+    changed = source.replace("return FAILED;\n    return OK;", "return OK;\n    " + late + "\n    return OK;")
+    assert changed != source
+    (binary,) = (name for name in entries if name.startswith("binaries/"))
+    path = tmp_path / "motor.fmu"
+    path.write_bytes(packed({**entries, binary: compiled({"motor.c": changed})}))
+    sim = FmuSimulator(path, trust=True)
+    with pytest.raises(SimulatorRunError, match="is nan" if "zero;" in broken else "Discard|Error"):
+        sim.run(T, np.stack([U, np.zeros(SAMPLES)]), sim.numbers, np.zeros(0))
+    log = {"time": T, "voltage": U, "load": 0.0 * T, "angle": 0.01 * np.cumsum(U), "omega": U}
+    pd.DataFrame(log).to_csv(tmp_path / "log.csv", index=False)
+    assert main(["evaluate", str(tmp_path / "log.csv"), "--sim", str(path), "--trust"]) != 0
+    said = capsys.readouterr()
+    assert "rmse" not in said.out and ("motor" in said.err or "The simulator" in said.err)
 
 
 def test_variables_whose_plain_names_are_the_same_are_all_there():

@@ -26,6 +26,9 @@ LARGE = 4
 class Competition(FirstOrder):
     """The hypotheses about one log; the parameters are those of `FirstOrder`."""
 
+    worse: frozenset[tuple[str, str]] = frozenset()
+    """Effects that are ruled out beside none of the better ones that each is paired with."""
+
     def __init__(
         self,
         evidence: ResidualSource,
@@ -78,6 +81,20 @@ class Competition(FirstOrder):
             best = max([*some, self._told], key=self._ranked)
             alternatives = {name: self._in_place(best, name) for name in best.fit.spec}
         return self._outcome(best, screen.singles, alternatives)
+
+    def without(self, worse: Collection[tuple[str, str]], outcome: Outcome) -> Outcome:
+        """Return the outcome of the search about the best set that holds no effect without a better one."""
+        self.worse |= frozenset(worse)
+        best, alternatives = self._settled(max(self._done.values(), key=self._ranked))
+        return self._outcome(best, outcome.singles, alternatives)
+
+    def _ruled_out(self, h: Hypothesis) -> bool:
+        return any(name in h.names and better not in h.names for name, better in self.worse)
+
+    def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
+        """Return the sort key of sets of different size: those that are ruled out come last."""
+        distinct, score = super()._ranked(h)
+        return (False, -np.inf) if self._ruled_out(h) else (distinct, score)
 
     def _close_somewhere(self, screen: Screen) -> list[Subset]:
         """Return the effects that may each be the cause in a part of the log, and are no contenders in all of it."""
@@ -175,7 +192,8 @@ class Competition(FirstOrder):
         self, best: Hypothesis, singles: dict[str, Single], alternatives: dict[str, list[Hypothesis]]
     ) -> Outcome:
         singles = {**singles, **self._exactly(singles)}
-        return Outcome(self.base, best, singles, alternatives, sorted(self._done.values(), key=lambda h: -h.score))
+        standing = (h for h in self._done.values() if not self._ruled_out(h))
+        return Outcome(self.base, best, singles, alternatives, sorted(standing, key=lambda h: -h.score))
 
     def _exactly(self, singles: Mapping[str, Single]) -> dict[str, Single]:
         """Return the gains of effects refitted alone; first order underestimates large ones."""
@@ -379,6 +397,7 @@ class Competition(FirstOrder):
         """Return the refitted sets with one effect of the best set replaced, and that set."""
         others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
+        found = [h for h in found if not self._ruled_out(h)]
         found = [h for h in found if h is best or not any(self.degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)
 

@@ -25,5 +25,9 @@ class KinematicEvidence(DirectEvidence):
             out[states.index(position)] = ends[states.index(velocity)]
         return out
 
+    def _accelerations(self) -> np.ndarray:
+        """Return the simulator's rates: what a drive does within a step is no disagreement of two readings."""
+        return super()._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
+
     def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.zeros((len(self.simulator.outputs), self.log.n))

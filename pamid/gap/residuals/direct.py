@@ -200,7 +200,8 @@ class DirectEvidence(UndoneEvidence):
         for k, b in enumerate(self.balances):
             part, found = slice(ends[k], ends[k + 1]), {}
             if b.velocity:
-                rates = nuisances(self._table[b.velocity], self.log, self.n, self._first[k])
+                within = self._accelerations()[self.simulator.states.index(b.velocity)]
+                rates = nuisances(self._table[b.velocity], within, self.log, self.n, self._first[k])
                 found = {f"{name} of {b.velocity}": own for name, own in rates.items()}
             elif b.name in driven and np.all(np.isfinite(plain[part])):
                 small = OF_ITS_OWN * float(np.sqrt(np.mean(np.square(plain[part])))) if ends[k + 1] > ends[k] else 0.0
@@ -222,6 +223,10 @@ class DirectEvidence(UndoneEvidence):
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
         self._allow()
+
+    def _accelerations(self) -> np.ndarray:
+        """Return the modelled rates of all states at both ends of each step."""
+        return self._base_rates
 
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""
@@ -350,8 +355,8 @@ class DirectEvidence(UndoneEvidence):
     def _bent(self, rates: np.ndarray, ends: np.ndarray) -> np.ndarray:
         r"""Return what curves within each step add to the means of the rates: Simpson's rule less the trapezoid's.
 
-        The state at mid-step is :math:`\tfrac12 (x_0 + x_1) + \tfrac h8 (\dot x_0 - \dot x_1)`. Rates that bend by more
-        than a twelfth of their change are too fast for such a series.
+        The state at mid-step is :math:`\tfrac12 (x_0 + x_1) + \tfrac h8 (\dot x_0 - \dot x_1)`. Where an exponential
+        bends by half of its change, this no longer halves the error.
         """
         log, start, end = self.log, *np.hsplit(rates, 2)
         x = 0.5 * (self._x + after(self._x, log)) + log.dt / 8.0 * (start - end)
@@ -359,7 +364,7 @@ class DirectEvidence(UndoneEvidence):
         middle = self.simulator.rate(log.t + 0.5 * log.dt, x, u, wide(self.simulator.numbers, log.n))
         bend = 2.0 / 3.0 * (middle - 0.5 * (start + end))
         for row, change in zip(bend, end - start, strict=True):
-            if not rms(row) < rms(change) / 12.0:
+            if not rms(row) < 0.5 * rms(change):
                 row[:] = 0.0
         return np.tile(bend, 2)
 

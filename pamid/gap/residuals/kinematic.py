@@ -6,8 +6,15 @@ No force enters, so that a sensor fault is not mistaken for one. Over a step of 
 
 with the second difference of the velocities about the step. Where commands are held over it, the velocity bends at
 samples alone and κ is 0; where it bends smoothly, κ is 1; where a command changes inside a step, up to 1.5; and for a
-velocity that is a central difference of the positions κ is 3. The relative timing of two channels is known to half a
-step: a velocity may be a difference of positions, or both come from a simulation by Euler's method,
+velocity that is a central difference of the positions κ is 3. A drive that is fast for the sampling follows each
+command within the step, at whose ends all is quiet again, and the mean is up to
+
+.. math:: -\tfrac{h}{12} \bigl(a(x_{k+1}, u_k) - a(x_k, u_k)\bigr)
+
+aside with the modelled accelerations under the command of that step: like a gain of one of the readings.
+
+The relative timing of two channels is known to half a step: a velocity may be a difference of positions, or both come
+from a simulation by Euler's method,
 
 .. math:: v = \dot x(t \mp \tfrac{h}{2}) \approx \dot x \mp \tfrac{h}{2} \ddot x
 
@@ -41,10 +48,17 @@ def bent(v: np.ndarray) -> np.ndarray:
     return np.concatenate([inner[:1], inner, inner[-1:]])
 
 
-def nuisances(v: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
-    """Return the change of the windows by half a step between clocks, and by a velocity's curvature in a step."""
-    runs = [(v[a:e], first) for (a, e), first in zip(log.spans, firsts, strict=True)]
+def nuisances(
+    v: np.ndarray, a: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Return the change of the windows by half a step between clocks, and by what a velocity does within a step.
+
+    Its modelled accelerations are those at the start of each step, and at all ends after them.
+    """
+    within = log.dt / 12.0 * np.subtract(*np.split(a, 2)[::-1])
+    runs = [(v[k:e], within[k : e - 1], first) for (k, e), first in zip(log.spans, firsts, strict=True)]
     return {
-        "skew": np.concatenate([average(0.5 * np.diff(x), n, 2, first) for x, first in runs]),
-        "bend": np.concatenate([average(bent(x), n, 2, first) for x, first in runs]),
+        "skew": np.concatenate([average(0.5 * np.diff(x), n, 2, first) for x, _, first in runs]),
+        "bend": np.concatenate([average(bent(x), n, 2, first) for x, _, first in runs]),
+        "drive": np.concatenate([average(inside, n, 2, first) for _, inside, first in runs]),
     }

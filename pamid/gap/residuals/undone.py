@@ -117,7 +117,11 @@ class UndoneEvidence(PortEvidence, ABC):
 
     def _noise_under(self, spec: Spec) -> tuple[np.ndarray, np.ndarray] | None:
         places, states = self.placements, self.simulator.states
-        undone = {k: v for k, v in spec.items() if places[k].enters == "output" and places[k].at in states}
+        undone = {
+            k: v
+            for k, v in spec.items()
+            if places[k].enters == "parameter" or (places[k].enters == "output" and places[k].at in states)
+        }
         if not undone:
             return None
         key = repr({k: dict(v) for k, v in undone.items()})
