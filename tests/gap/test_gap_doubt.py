@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
-from pamid.gap import diagnose, engine
+from pamid.gap import diagnose, diagnose_simulator, engine
+from pamid.simulators import FunctionSimulator, Port
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
     tolerance={"rest_diameter": 0.005, "sonic_conductance": 0.02, "viscous_damping": 0.1, "inertia": 0.02}
@@ -52,3 +54,15 @@ def test_coarse_sampling_is_no_gap(every: int) -> None:
     """A command that jumps between two samples leaves windows of flow and torque far out."""
     log = simulate(NOMINAL, [sine(2, 10, 4000), sine(5, 12, 4000), step(0, 15, 4000)], seed=0)
     assert diagnose(log.iloc[::every], NOMINAL).verdict == "none"
+
+
+@pytest.mark.parametrize(("event", "verdict"), [(0.5, "unknown"), (0.0, "none")], ids=["two seconds", "one reading"])
+def test_what_lasts_is_a_gap_and_a_bad_reading_is_none(event: float, verdict: str) -> None:
+    """A robust scale sees neither: both are a small share of the log."""
+    rng, t = np.random.default_rng(3), 0.01 * np.arange(8000)
+    u = np.sin(2.0 * t)
+    y = 2.0 * u + event * np.exp(-np.square(t - 60.0)) + 1e-2 * rng.standard_normal(len(t))
+    y[6012] += 3.0
+    log = pd.DataFrame({"trajectory": "7", "time": t, "u": u, "y": y})
+    gain = FunctionSimulator(lambda u, p: 2.0 * u.u, [Port("u", "input", "V"), Port("y", "output", "N")])
+    assert diagnose_simulator(log, gain, ["sensor_lag"], seed=0).verdict == verdict

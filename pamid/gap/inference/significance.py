@@ -137,13 +137,27 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
 def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
     """Return the probability of as many windows far beyond their noise, which a robust scale ignores.
 
-    Only equations without derivatives count: others may err where a command jumps between two samples.
+    Only equations without derivatives count: others may err where a command jumps between two samples. At ports, where
+    the noise is only guessed, as many must follow each other: no bad reading lasts as long.
     """
     from scipy.special import ndtr, pdtrc
 
+    if not evidence.exact and any(_lasts(evidence, z, part) for part in evidence.parts):
+        return 0.0
     p_value = 1.0
     for part in evidence.sharp:
         if (far := int(np.sum(np.abs(z[part]) > FAR))) >= FEW:
             expected = 2.0 * len(z[part]) * float(ndtr(-FAR / (1.0 + 10.0 * NOISE_KNOWN)))
             p_value = min(p_value, float(pdtrc(far - 1, expected)))
     return p_value
+
+
+def _lasts(evidence: ResidualSource, z: np.ndarray, part: slice) -> bool:
+    """Return whether `FEW` windows of a run in a row are far beyond their noise."""
+    run, side = evidence.run[part], evidence.side[part]
+    order = np.lexsort((evidence.time[part], side, run))
+    lane, far = (run * 16 + side)[order], np.abs(z[part][order]) > FAR
+    if len(far) < FEW:
+        return False
+    rows = np.lib.stride_tricks.sliding_window_view(far, FEW).all(axis=1)
+    return bool(np.any(rows & (lane[FEW - 1 :] == lane[: len(rows)])))
