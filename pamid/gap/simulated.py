@@ -85,7 +85,7 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
 def runner(evidence: PortEvidence) -> Run | None:
     """Return what runs the simulator with effects over a log's stretches; None where residuals are that already.
 
-    Initial states and what is not known within a sample are fitted to each, the effects are as they are given.
+    Initial states and what is not known within a sample are fitted to each; effects are as given, or refitted.
     """
     from ..errors import PamidError
     from .inference.gauss_newton import Fitter
@@ -95,7 +95,7 @@ def runner(evidence: PortEvidence) -> Run | None:
         return None
     made: list[tuple[ShootingEvidence, Fitter]] = []
 
-    def run(spec: Spec) -> float | None:
+    def run(spec: Spec, refit: bool) -> float | None:
         if not made:
             part = part_of(evidence.log, MOST_ANSWERS // max(len(evidence.joints), 1))
             runs = ShootingEvidence(part, evidence.simulator)
@@ -103,11 +103,12 @@ def runner(evidence: PortEvidence) -> Run | None:
         (runs, fitter), places = made[0], evidence.placements
         if not spec.keys() <= runs.placements.keys():
             return None
-        return fitter.at({k: runs.placements[k].inward(places[k].outward(v)) for k, v in spec.items()}).loglik
+        within = {k: runs.placements[k].inward(places[k].outward(v)) for k, v in spec.items()}
+        return (fitter.refine(within, steps=2) if refit else fitter.at(within)).loglik
 
-    def run_if_it_can(spec: Spec) -> float | None:
+    def run_if_it_can(spec: Spec, refit: bool) -> float | None:
         try:
-            return run(spec)
+            return run(spec, refit)
         except PamidError:  # the simulator does not follow the log
             return None
 
