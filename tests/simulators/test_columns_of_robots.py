@@ -291,3 +291,32 @@ def test_an_fmus_log_is_mapped_joined_and_diagnosed_by_the_printed_command(
     [cause] = json.loads(capsys.readouterr().out)["causes"]
     assert (cause["effects"], cause["where"]) == (["viscous_friction"], ["joint_of_theta"])
     assert cause["parameters"]["coefficient"]["value"] == pytest.approx(4e-3, rel=0.1)
+
+
+@pytest.mark.parametrize("header", ["Kraft [N]", "F [N]", "load cell [N]", "F_drive [N]"])
+def test_one_force_for_two_inputs_in_newtons_is_marked_or_asked_for(
+    header: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Only the input's own name says which of the two it is."""
+    pytest.importorskip("fmpy")
+    from pamid.export.ode_fmu import ode_fmu
+
+    made = ode_fmu(
+        "cart", lambda t, x, u, p: [x.v, (u.F_drive + u.F_load - 10.0 * x.v) / 5.0], {"s": 0.0, "v": 0.0},
+        {"F_drive": 0.0, "F_load": 0.0}, {}, lambda t, x, u, p: {"pos": x.s, "speed": x.v},
+        units={"F_drive": "N", "F_load": "N", "pos": "m", "speed": "m/s"},
+    )  # fmt: skip
+    (tmp_path / "cart.fmu").write_bytes(made)
+    t = np.arange(0.0, 4.0, 0.01)
+    table = {"t [s]": t, header: 20 * np.sin(t), "pos [m]": 1.0 - np.cos(t), "speed [m/s]": np.sin(t)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    files = [str(tmp_path / "log.csv"), "--sim", str(tmp_path / "cart.fmu"), "--yes", "--out", str(tmp_path / "setup")]
+    main(["init", *files])
+    told = capsys.readouterr().out
+    mapped = [line for line in (tmp_path / "setup" / "columns.toml").read_text("utf-8").splitlines() if header in line]
+    given = [line for line in mapped if line.startswith(("F_drive", "F_load"))]
+    if header.startswith("F_drive"):
+        assert len(given) == 1 and "ASSUMED" not in given[0]
+    else:
+        assert all("ASSUMED" in line for line in given)
+        assert given or ("--signal F_drive=COLUMN" in told and "--signal F_load=COLUMN" in told)
