@@ -159,5 +159,5 @@ def _lasts(evidence: ResidualSource, z: np.ndarray, part: slice) -> bool:
     lane, far = (run * 16 + side)[order], np.abs(z[part][order]) > FAR
     if len(far) < FEW:
         return False
-    rows = np.lib.stride_tricks.sliding_window_view(far, FEW).all(axis=1)
+    rows = np.asarray(np.lib.stride_tricks.sliding_window_view(far, FEW).all(axis=1))
     return bool(np.any(rows & (lane[FEW - 1 :] == lane[: len(rows)])))
