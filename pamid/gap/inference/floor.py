@@ -65,8 +65,6 @@ def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:
 
 FEWEST = 20
 """Windows below which two runs are too short to say what repeats."""
-MOST = 0.5
-"""Share of the power that the best effect may leave for a forest to be asked for the rest alone."""
 LEAST_VALUES = 200
 """Windows below which a forest learns nothing that a single effect does not."""
 
@@ -86,13 +84,12 @@ def explainable(
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
-    least = min(float(np.mean(np.square(r))) for r in choices)
-    if len(value) >= LEAST_VALUES and least > (enough * noise) ** 2:
-        X, rests = _features(evidence), [single]
-        # Beside an effect that explains most, a forest alone adds little.
-        if float(np.mean(np.square(single))) > MOST * float(np.mean(np.square(choices[0]))):
-            rests.append(value)
-        choices += [r - _forest(X, r, folds, seed) for r in rests]
+    X = _features(evidence) if len(value) >= LEAST_VALUES else None
+    # A forest alone may see what one beside an effect does not: a hysteresis that a lag explains by half.
+    for rest in (single, value) if X is not None else ():
+        if min(float(np.mean(np.square(r))) for r in choices) <= (enough * noise) ** 2:
+            break
+        choices.append(rest - _forest(X, rest, folds, seed))
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
     power, least = float(np.mean(np.square(value))), float(np.mean(np.square(left)))
     share = (power - least) / max(power - noise**2, 1e-300) if power > noise**2 else 0.0
