@@ -1,4 +1,4 @@
-"""Steps of an integrator instead of causes: where several were found, fewer and such steps may explain as much."""
+"""Steps of an integrator instead of causes: where some were found, fewer and such steps may explain as much."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def with_steps(
 
     They are not free from the start: beside a single cause they would only make its size uncertain.
     """
-    evidence = competition.evidence.stepped() if len(outcome.best.names) > 1 else None
+    evidence = competition.evidence.stepped() if outcome.best.names else None
     if evidence is None or not _promise(competition, evidence, outcome):
         return None
     known: dict[str, list[Template]] = {name: [] for name in competition.library}
