@@ -84,12 +84,11 @@ def explainable(
     folds = _folds(evidence)
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
-    X = _features(evidence) if len(value) >= LEAST_VALUES else None
     # A forest alone may see what one beside an effect does not: a hysteresis that a lag explains by half.
-    for rest in (single, value) if X is not None else ():
+    for rest in (single, value) if len(value) >= LEAST_VALUES else ():
         if min(float(np.mean(np.square(r))) for r in choices) <= (enough * noise) ** 2:
             break
-        choices.append(rest - _forest(X, rest, folds, seed))
+        choices.append(rest - _forest(_features(evidence), rest, folds, seed))
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
     power, least = float(np.mean(np.square(value))), float(np.mean(np.square(left)))
     share = (power - least) / max(power - noise**2, 1e-300) if power > noise**2 else 0.0
