@@ -217,7 +217,7 @@ class DirectEvidence(UndoneEvidence):
                     self.skews[name] = column
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
-                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step
+                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step, self._bend
             ):
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
