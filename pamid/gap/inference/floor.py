@@ -85,10 +85,12 @@ def explainable(
     single = value - _best_effect(evidence, found, folds)
     choices = [value - np.mean(value), single]
     # A forest alone may see what one beside an effect does not: a hysteresis that a lag explains by half.
+    X: np.ndarray | None = None
     for rest in (single, value) if len(value) >= LEAST_VALUES else ():
         if min(float(np.mean(np.square(r))) for r in choices) <= (enough * noise) ** 2:
             break
-        choices.append(rest - _forest(_features(evidence), rest, folds, seed))
+        X = _features(evidence) if X is None else X
+        choices.append(rest - _forest(X, rest, folds, seed))
     left = min(choices, key=lambda r: float(np.mean(np.square(r))))
     power, least = float(np.mean(np.square(value))), float(np.mean(np.square(left)))
     share = (power - least) / max(power - noise**2, 1e-300) if power > noise**2 else 0.0
