@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
-    from .residuals.choice import motion_is_hidden, noise_pulls, sign_may_be_lost
+    from .residuals.choice import PULLED, motion_is_hidden, noise_pulls, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
@@ -62,7 +62,13 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
-    return predicted() if motion_is_hidden(found) or noise_pulls(found) else found
+    if motion_is_hidden(found):
+        return predicted()
+    if noise_pulls(found):
+        if not simulator.one_by_one:  # otherwise it would take too long
+            return predicted()
+        found.notes.append(PULLED)
+    return found
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

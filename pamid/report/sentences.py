@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .causes import cause_names, causes_listed, either, size
 from .doubts import question
-from .quantities import NOT_EFFECTS, amount, at_least, effect, listed, percent, probability, share_span
+from .quantities import NOT_EFFECTS, amount, at_least, effect, listed, percent, probability, run_named, share_span
 from .words import BENCH, Words
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def where(d: Diagnosis) -> str:
         return f"Nowhere: {tested} with the log within the noise ({probability(d.p_value)}).{_left_out(d)}"
     held = sorted(d.equations, key=lambda e: -e.share)
     if not held:
-        return f"Simulator and log disagree ({probability(d.p_value)}).{_left_out(d)}"
+        return f"Simulator and log disagree ({probability(d.p_value)}).{_event_text(d)}{_left_out(d)}"
     told, total = [], 0.0
     for finding in held:
         told.append(finding)
@@ -166,7 +166,22 @@ def where(d: Diagnosis) -> str:
         bench = words.in_equation(first).endswith(" equation")
         text = f"The gap is in {'the equations of ' if bench else ''}{listed(parts)}"
     part = "it" if len(told) == 1 else f"the part {words.in_equation(first)}"
-    return f"{text}; {_region_text(d.regions, first, part, words)}{_band_text(d, first)}.{_left_out(d)}"
+    return f"{text}; {_region_text(d.regions, first, part, words)}{_band_text(d, first)}.{_event_text(d)}{_left_out(d)}"
+
+
+def _event_text(d: Diagnosis) -> str:
+    """Return when an error far beyond the noise lasts, of several the largest."""
+    if not d.events:
+        return ""
+    event, words = d.events[0], Words.of(d)
+    when = f"From {event.begins:.4g} to {event.ends:.4g} s of {run_named(event.trajectory)}"
+    added = " with the causes added" if d.added else ""
+    others = len(d.events) - 1
+    more = f"; {others} more stretch{'es stand' if others > 1 else ' stands'} out" if others else ""
+    return (
+        f" {when}, the {words.residual_words(event.equation)}{added} "
+        f"is up to {float(f'{event.excess:.2g}'):g} times its noise{more}."
+    )
 
 
 def _left_out(d: Diagnosis) -> str:

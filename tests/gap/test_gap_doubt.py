@@ -65,4 +65,10 @@ def test_what_lasts_is_a_gap_and_a_bad_reading_is_none(event: float, verdict: st
     y[6012] += 3.0
     log = pd.DataFrame({"trajectory": "7", "time": t, "u": u, "y": y})
     gain = FunctionSimulator(lambda u, p: 2.0 * u.u, [Port("u", "input", "V"), Port("y", "output", "N")])
-    assert diagnose_simulator(log, gain, ["sensor_lag"], seed=0).verdict == verdict
+    found = diagnose_simulator(log, gain, ["sensor_lag"], seed=0)
+    assert found.verdict == verdict
+    said = (
+        f"From {found.events[0].begins:.4g} to {found.events[0].ends:.4g} s of run 7, the error of y" if event else ""
+    )
+    assert said in str(found) and bool(found.events) == bool(event)
+    assert not event or (58.0 < found.events[0].begins < 59.0 and 61.0 < found.events[0].ends < 62.0)

@@ -11,6 +11,8 @@ import pytest
 
 from pamid.cli import main
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.choice import PULLED
+from pamid.gap.simulated import evidence_of
 from pamid.simulators import read_simulator
 
 mujoco = pytest.importorskip("mujoco")
@@ -46,9 +48,16 @@ def leg(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def _named(leg: Path) -> pd.DataFrame:
+    """Return the log under the names of the model's ports, in radians."""
+    names = {"run": "trajectory", "t": "time", "knee_des": "knee_ctrl", "knee_pos": "knee_q", "knee_vel": "knee_dq"}
+    log = pd.read_csv(leg / "leg.csv").rename(columns=names)
+    log[["knee_ctrl", "knee_q"]] = np.radians(log[["knee_ctrl", "knee_q"]])
+    return log
+
+
 def test_a_servo_that_is_fifty_times_too_stiff_is_named_with_its_gain(leg: Path) -> None:
-    log = pd.read_csv(leg / "leg.csv").rename(columns={"run": "trajectory", "t": "time", "knee_vel": "knee_dq"})
-    log["knee_q"], log["knee_ctrl"] = np.radians(log["knee_pos"]), np.radians(log["knee_des"])
+    log = _named(leg)
     xml = LEG.format(' armature="0.02" damping="0.1"')
     (leg / "stiff.xml").write_text(xml.replace('kp="8"', 'kp="400"'))
     stiff = MujocoSimulator(leg / "stiff.xml", parameters={"actuator_kp.knee": 400.0})
@@ -107,9 +116,21 @@ def test_a_robots_log_is_drafted_with_its_clock_its_runs_and_its_units(
 def test_no_joint_has_more_inertia_where_none_is_missing(leg: Path) -> None:
     """The same log against the model as it is."""
     (leg / "true.xml").write_text(LEG.format(' armature="0.02" damping="0.1"'))
-    log = pd.read_csv(leg / "leg.csv").rename(
-        columns={"run": "trajectory", "t": "time", "knee_des": "knee_ctrl", "knee_pos": "knee_q", "knee_vel": "knee_dq"}
-    )
-    log[["knee_ctrl", "knee_q"]] = np.radians(log[["knee_ctrl", "knee_q"]])
-    found = diagnose_simulator(log, MujocoSimulator(leg / "true.xml"), ["added_inertia", "parameter_deviation"])
+    found = diagnose_simulator(_named(leg), MujocoSimulator(leg / "true.xml"), ["added_inertia", "parameter_deviation"])
     assert found.verdict == "none"
+
+
+@pytest.mark.parametrize(("noise", "told"), [(0.02, False), (1.0, True)])
+def test_noise_that_biases_a_parameter_is_told(leg: Path, noise: float, told: bool) -> None:
+    """A model of MuJoCo is not simulated over stretches, as others then are."""
+    page = leg / "page.toml"
+    known = "\n".join(
+        f'[parameters."{k}.knee"]\nvalue = {v}\ntolerance = 0.5'
+        for k, v in (("actuator_kp", 8.0), ("dof_damping", 0.1))
+    )
+    page.write_text(f'kind = "mujoco"\n[mujoco]\nmodel = "true.xml"\n{known}\n')
+    (leg / "true.xml").write_text(LEG.format(' armature="0.02" damping="0.1"'))
+    log = _named(leg)
+    log[["knee_q", "knee_dq", "knee_ctrl"]] *= 0.2  # a small motion
+    log["knee_dq"] += noise * np.random.default_rng(1).standard_normal(len(log))
+    assert (PULLED in evidence_of(log, read_simulator(page), refit=True).notes) == told

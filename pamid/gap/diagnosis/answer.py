@@ -10,7 +10,7 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..inference.significance import excess
+from ..inference.significance import excess, lasting
 from ..inference.so_far import in_words
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
@@ -18,7 +18,7 @@ from ..settings import FALSE_ALARM, MATERIAL
 from .belief import candidates
 from .closure import Clusters, closures, main_equation
 from .decide import Verdict
-from .findings import Cause, Closure, EquationFinding, HypothesisFinding, ParameterEstimate
+from .findings import Cause, Closure, EquationFinding, Event, HypothesisFinding, ParameterEstimate
 from .localise import bands, regions, shares, trajectories
 from .next_experiment import next_experiment
 from .remainder import leftover, remainder
@@ -81,6 +81,7 @@ def answer(
         regions=[r for e in main for r in regions(evidence, e, energy)] if gapped else [],
         bands=[b for e in main for b in bands(evidence, e, gap)] if gapped else [],
         trajectories=trajectories(evidence, _balanced(evidence, power)) if gapped else [],
+        events=_events(evidence, after) if gapped else [],
         candidates=candidates(competition, verdict),
         causes=[] if alike else causes,
         families=causes if alike else [],
@@ -170,6 +171,22 @@ def _equations(
         for name, share, e, s in zip(evidence.equations, shares(np.array(gains)), over, sizes, strict=True)
     ]
     return sorted(found, key=lambda e: -e.share)
+
+
+def _events(evidence: ResidualSource, left: np.ndarray) -> list[Event]:
+    """Return the stretches of runs that stand out of what is left, the largest first."""
+    from ..inference.student_t import scale
+
+    found = []
+    for name, part in zip(evidence.equations, evidence.parts, strict=True):
+        if evidence.exact and part not in evidence.sharp:  # it may err wherever a command jumps between two samples
+            continue
+        for rows in lasting(evidence, left, part, max(1.0, scale(left[part], 0.0))):
+            run = evidence.trajectories[evidence.block[rows[0]]]
+            times, most = evidence.time[rows], float(np.max(np.abs(left[rows])))
+            event = Event(name, run, float(times[0]), float(times[-1]), most)
+            found.append((float(np.sum(np.square(left[rows]))), event))
+    return [event for _, event in sorted(found, key=lambda e: -e[0])]
 
 
 def _beyond(z: np.ndarray) -> float:

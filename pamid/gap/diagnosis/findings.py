@@ -96,6 +96,36 @@ class Band:
 
 
 @dataclass(frozen=True)
+class Event:
+    """A stretch of a run in which what the causes leave is far beyond the noise and its usual size.
+
+    Parameters
+    ----------
+    equation : str
+        Its equation.
+    trajectory : str
+        The name of the run.
+    begins, ends : float
+        Time of its first and last window, s.
+    excess : float
+        Largest error in it, in units of the noise.
+
+    Examples
+    --------
+    >>> from pamid.gap import Event
+    >>> event = Event("joint", "b", begins=12.3, ends=14.1, excess=35.0)
+    >>> f"{event.ends - event.begins:.1f} s"
+    '1.8 s'
+    """
+
+    equation: str
+    trajectory: str
+    begins: float
+    ends: float
+    excess: float
+
+
+@dataclass(frozen=True)
 class TrajectoryShare:
     """The share of the gap in one run.
 

@@ -13,6 +13,7 @@ from .findings import (
     Cause,
     Closure,
     EquationFinding,
+    Event,
     HypothesisFinding,
     NextExperiment,
     Region,
@@ -84,6 +85,8 @@ class Diagnosis:
         Equations that were left out, and why.
     cannot_show : list of str
         Effects of the library that change no equation that was tested: nothing is said about them.
+    events : list of Event
+        Stretches of a run in which the causes leave far more than elsewhere, the largest first.
     rivals : list of Rival
         The explanations that are not ruled out, refitted, the likeliest first: what a next run should separate.
     logs : list of LogFinding
@@ -133,6 +136,7 @@ class Diagnosis:
     unexplained: list[str] = field(default_factory=list)
     not_tested: dict[str, str] = field(default_factory=dict)
     cannot_show: list[str] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
     rivals: list[Rival] = field(default_factory=list)
     logs: list[LogFinding] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
@@ -167,6 +171,7 @@ class Diagnosis:
                     "regions": self.regions,
                     "bands": self.bands,
                     "trajectories": self.trajectories,
+                    "events": self.events,
                 },
                 "candidates": self.candidates,
                 # The old name of distinguished_by is kept for one more version.

@@ -142,7 +142,7 @@ def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
     """
     from scipy.special import ndtr, pdtrc
 
-    if not evidence.exact and any(_lasts(evidence, z, part) for part in evidence.parts):
+    if not evidence.exact and any(lasting(evidence, z, part) for part in evidence.parts):
         return 0.0
     p_value = 1.0
     for part in evidence.sharp:
@@ -152,12 +152,11 @@ def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
     return p_value
 
 
-def _lasts(evidence: ResidualSource, z: np.ndarray, part: slice) -> bool:
-    """Return whether `FEW` windows of a run in a row are far beyond their noise."""
+def lasting(evidence: ResidualSource, z: np.ndarray, part: slice, size: float = 1.0) -> list[np.ndarray]:
+    """Return the windows of each event: `FEW` or more of a run in a row, far beyond their noise of a size."""
     run, side = evidence.run[part], evidence.side[part]
     order = np.lexsort((evidence.time[part], side, run))
-    lane, far = (run * 16 + side)[order], np.abs(z[part][order]) > FAR
-    if len(far) < FEW:
-        return False
-    rows = np.asarray(np.lib.stride_tricks.sliding_window_view(far, FEW).all(axis=1))
-    return bool(np.any(rows & (lane[FEW - 1 :] == lane[: len(rows)])))
+    lane, far = (run * 16 + side)[order], np.abs(z[part][order]) > FAR * size
+    ends = np.flatnonzero((np.diff(lane) != 0) | (np.diff(far) != 0)) + 1
+    stretches = np.split(np.arange(len(far)), ends)
+    return [part.start + order[k] for k in stretches if len(k) >= FEW and far[k[0]]]

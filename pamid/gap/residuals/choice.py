@@ -10,6 +10,11 @@ from .direct import DirectEvidence
 from .stretches import BELOW
 from .tolerances import rms
 
+PULLED = (
+    "Noise in the readings biases fitted parameters by several standard errors: this kind of model is asked instant by "
+    "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
+    "more runs like these, or filtering the log, do not."
+)
 BENT = 0.02
 """Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
 AHEAD = 16
@@ -19,9 +24,9 @@ AHEAD = 16
 def noise_pulls(found: DirectEvidence) -> bool:
     """Return whether noise in modelled rates moves a parameter by as much as a false alarm needs.
 
-    Predictions need no readings along the way. Simulators that answer one instant at a time take too long for them.
+    Predictions need no readings along the way.
     """
-    return found.simulator.form == "ode" and not found.simulator.one_by_one and 0.5 * found.pulled() ** 2 > LEAST_GAIN
+    return found.simulator.form == "ode" and 0.5 * found.pulled() ** 2 > LEAST_GAIN
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:
