@@ -6,13 +6,13 @@ import difflib
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..signals.headers import read_header
 from ..signals.unit_names import unit_name
 from ..signals.units import UNITS
 from .ports import Port
-from .words import ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
+from .words import DIMENSIONS_OF, ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
 
 EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
 """Weights of the clues: a port's own name outweighs all others together."""
@@ -78,9 +78,9 @@ def dimension(unit: str) -> str:
     return UNITS[found].dimension if found else ""
 
 
-def columns_of(names: Sequence[str]) -> list[Column]:
+def columns_of(names: Sequence[str], telling: Set[str] = frozenset()) -> list[Column]:
     """Return the content of headers; a role's word that every column of several quantities bears says nothing."""
-    found = [column_of(name) for name in names]
+    found = [column_of(name, telling=telling) for name in names]
     spoken: dict[frozenset[str], list[set[str]]] = {}
     for c in found:
         if c.dimensions and not c.apart:
@@ -88,11 +88,11 @@ def columns_of(names: Sequence[str]) -> list[Column]:
     shared = [words[0].intersection(*words) for words in spoken.values()]
     some = [words[0].union(*words) - words[0].intersection(*words) for words in spoken.values()]
     silent = {w for w, n in Counter(w for words in shared for w in words).items() if n > 1} - set().union(*some)
-    return [column_of(name, silent) for name in names] if silent else found
+    return [column_of(name, silent, telling) for name in names] if silent else found
 
 
-def column_of(name: str, silent: Set[str] = frozenset()) -> Column:
-    """Return the content of a header, of which some words say nothing of its role."""
+def column_of(name: str, silent: Set[str] = frozenset(), telling: Set[str] = frozenset()) -> Column:
+    """Return the content of a header: some words say nothing of its role, words of a quantity may tell ports apart."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
@@ -105,7 +105,7 @@ def column_of(name: str, silent: Set[str] = frozenset()) -> Column:
     roles = roles_of(w for w in words if w not in silent)
     return Column(
         name,
-        tuple(w for w in words if names_itself(w)),
+        tuple(w for w in words if names_itself(w) or w in telling),
         "command" in roles,
         "reading" in roles,
         "error" in roles,
@@ -118,8 +118,23 @@ def column_of(name: str, silent: Set[str] = frozenset()) -> Column:
     )
 
 
-def place_of(port: Port, drives: bool = False) -> Place:
-    """Return a port as it may appear in a log; what drives a joint and has no unit is an effort of any kind."""
+def places_of(ports: Sequence[Port], driven: Set[str]) -> tuple[list[Place], frozenset[str]]:
+    """Return ports as they may appear in a log, and the words of quantities that alone tell some of them apart.
+
+    Beside `F_drive` the load names `F_load`; a word of an effort is no name elsewhere.
+    """
+    bare = [_place(p, p.name in driven) for p in ports]
+    found = []
+    for place in bare:
+        alike = [p for p in bare if (p.commanded, p.dimensions) == (place.commanded, place.dimensions)]
+        hidden = any(set(place.words) <= set(p.words) for p in alike if p is not place)
+        found.append(replace(place, words=tuple(tokens(place.port.name))) if hidden else place)
+    names = {w for place in found for w in place.words}
+    return found, frozenset(w for w in names if not names_itself(w) and w in DIMENSIONS_OF)
+
+
+def _place(port: Port, drives: bool = False) -> Place:
+    """Return a port; what drives a joint and has no unit is an effort of any kind."""
     words = tokens(port.name)
     found = frozenset((dimension(port.unit),)) if dimension(port.unit) else dimensions_of(words)
     if drives and not found:

@@ -23,7 +23,7 @@ from .likeness import (
     dimension,
     is_named,
     letters,
-    place_of,
+    places_of,
     role_score,
 )
 from .motion import follows, is_rate_of, led_by, rate_between
@@ -84,8 +84,8 @@ class _Matcher:
     ) -> None:  # fmt: skip
         self.given = given
         self.ranges, self.driven = simulator.ranges(), simulator.driven()
-        self.places = [place_of(p, p.name in self.driven) for p in ports]
-        self.columns = columns_of(list(frame))
+        self.places, telling = places_of(ports, set(self.driven))
+        self.columns = columns_of(list(frame), telling)
         self.frame, self.t = frame, t
         self.left_over: set[str] = set()
         self.columns = self._by_motion()
@@ -197,11 +197,18 @@ class _Matcher:
         rows, cols = linear_sum_assignment(-usable)
         pairs = {int(r): int(c) for r, c in zip(rows, cols, strict=True) if usable[r, c] > 0.0}
         left = sorted(set(range(len(self.columns))) - set(pairs.values()))
+        open_ = sorted(set(range(len(self.places))) - set(pairs))
         self.rivals: dict[str, str] = {}
         for r, c in list(pairs.items()):
-            near = [j for j in left if usable[r, j] > usable[r, c] - _LEAD and usable[r, c] < EXACT]
+            if usable[r, c] >= EXACT:
+                continue
+            names = [self.places[k].port.name for k in [r, *open_] if usable[k, c] > usable[r, c] - _LEAD]
+            near = [j for j in left if usable[r, j] > usable[r, c] - _LEAD]
             if near:
-                self.rivals[self.places[r].port.name] = f"{self.columns[c].name} or {self.columns[near[0]].name}"
+                self.rivals[names[0]] = f"it may be {self.columns[c].name} or {self.columns[near[0]].name}"
+            elif len(names) > 1:
+                self.rivals |= dict.fromkeys(names, f"{self.columns[c].name} may be {' or '.join(names)}")
+            if near or len(names) > 1:
                 del pairs[r]
         return {self.places[r].port.name: self.columns[c].name for r, c in pairs.items()}
 
@@ -232,7 +239,7 @@ class _Matcher:
         """Return the pairs with units, and doubts."""
         by_port = {p.port.name: p for p in self.places}
         by_column = {c.name: c for c in self.columns}
-        doubts = {port: f"it may be {both}" for port, both in self.rivals.items()}
+        doubts = dict(self.rivals)
         for place in self.places:
             if clash := [c for c in self.columns if place.port.name not in pairs and self._clashes(place, c)]:
                 doubts[place.port.name] = f"{clash[0].name} is in {clash[0].unit}, the port in {place.port.unit}"

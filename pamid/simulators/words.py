@@ -41,7 +41,7 @@ _DIMENSIONS = {
     ("current",): "current curr cur amps iq strom courant corriente corrente 电流 電流",
     ("voltage",): "volt volts voltage spannung tension voltaje tensione 电压 電圧",
     ("pressure",): "pressure pressures druck pression presión pressione 压力 圧力",
-    ("force",): "force kraft fuerza forza 力",
+    ("force",): "force kraft fuerza forza loadcell 力",
     ("mass flow", "volume flow"): "mdot flow durchfluss débit caudal portata 流量",
     ("temperature",): "temp temperature temperatures temperatur température temperatura 温度",
 }
@@ -51,7 +51,7 @@ _SYMBOLS = {
     "speed": "v", "temperature": "t", "torque": "m",
 }  # fmt: skip
 """Letters that stand for a quantity among others: they never contradict."""
-_TOGETHER = {("d", "q"): "dq", ("dd", "q"): "ddq", ("fol", "err"): "error"}
+_TOGETHER = {("d", "q"): "dq", ("dd", "q"): "ddq", ("fol", "err"): "error", ("load", "cell"): "loadcell"}
 EITHER = frozenset(("qd", "xd"))
 """Names of a desired position and of a speed alike: the samples tell."""
 

@@ -293,11 +293,15 @@ def test_an_fmus_log_is_mapped_joined_and_diagnosed_by_the_printed_command(
     assert cause["parameters"]["coefficient"]["value"] == pytest.approx(4e-3, rel=0.1)
 
 
-@pytest.mark.parametrize("header", ["Kraft [N]", "F [N]", "load cell [N]", "F_drive [N]"])
-def test_one_force_for_two_inputs_in_newtons_is_marked_or_asked_for(
-    header: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize(
+    ("header", "port"),
+    [("Kraft [N]", ""), ("F [N]", ""), ("F_motor [N]", ""), ("load cell [N]", ""), ("load force [N]", "F_load"),
+     ("drive [N]", "F_drive"), ("F_drive [N]", "F_drive")],
+)  # fmt: skip
+def test_one_force_for_two_inputs_in_newtons_is_asked_for_unless_its_name_tells(
+    header: str, port: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Only the input's own name says which of the two it is."""
+    """What both names share tells neither; a column of the input's own name needs no mark."""
     pytest.importorskip("fmpy")
     from pamid.export.ode_fmu import ode_fmu
 
@@ -315,8 +319,10 @@ def test_one_force_for_two_inputs_in_newtons_is_marked_or_asked_for(
     told = capsys.readouterr().out
     mapped = [line for line in (tmp_path / "setup" / "columns.toml").read_text("utf-8").splitlines() if header in line]
     given = [line for line in mapped if line.startswith(("F_drive", "F_load"))]
-    if header.startswith("F_drive"):
-        assert len(given) == 1 and "ASSUMED" not in given[0]
+    if port:
+        assert [line.partition(" =")[0] for line in given] == [port]
+        assert ("ASSUMED" in given[0]) == (not header.startswith(port))
     else:
-        assert all("ASSUMED" in line for line in given)
-        assert given or ("--signal F_drive=COLUMN" in told and "--signal F_load=COLUMN" in told)
+        assert not given
+        assert "--signal F_drive=COLUMN" in told and "--signal F_load=COLUMN" in told
+        assert header[0] != "F" or f"({header} may be F_drive or F_load)" in told
