@@ -62,7 +62,7 @@ def check_schema(found: dict) -> None:
     assert found["gap"] is (found["verdict"] != "none")
     assert sum(c["confidence"] for c in found["candidates"]) == pytest.approx(1.0, abs=1e-6)
     assert {"none", "unknown"} <= {c["effect"] for c in found["candidates"]}
-    assert set(found["where"]) == {"equations", "regions", "bands", "trajectories"}
+    assert set(found["where"]) == {"equations", "regions", "bands", "trajectories", "events"}
     for part in ("causes", "closure", "notes"):
         assert isinstance(found[part], list)
 

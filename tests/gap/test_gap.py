@@ -256,7 +256,7 @@ def test_the_answer_is_json_and_the_same_for_a_seed():
     assert answer["schema"] == 1 and answer["verdict"] == "cause"
     assert sum(c["confidence"] for c in answer["candidates"]) == pytest.approx(1.0)
     assert {c["effect"] for c in answer["candidates"]} == {*LIBRARY, "none", "unknown"}
-    assert set(answer["where"]) == {"equations", "regions", "bands", "trajectories"}
+    assert set(answer["where"]) == {"equations", "regions", "bands", "trajectories", "events"}
     assert sum(e["share"] for e in answer["where"]["equations"]) == pytest.approx(1.0)
     table = state_table(log, NOMINAL)
     assert len(table) == len(log) and {"eps1", "deps2", "dP1", "dq"} <= set(table.columns)
