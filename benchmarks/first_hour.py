@@ -19,7 +19,15 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._first_hour.cases import Case, cases
-from benchmarks._first_hour.held_out import PLANTS, SECOND, SECOND_PLANTS, THIRD, THIRD_PLANTS
+from benchmarks._first_hour.held_out import (
+    FOURTH,
+    FOURTH_PLANTS,
+    PLANTS,
+    SECOND,
+    SECOND_PLANTS,
+    THIRD,
+    THIRD_PLANTS,
+)
 from benchmarks._first_hour.mapped import Mapped, judged, mapped, mapped_plant
 from benchmarks._first_hour.names import Style
 from benchmarks._first_hour.styles import OTHERS, STYLES
@@ -82,7 +90,7 @@ def main(argv: list[str] | None = None) -> int:
         none: dict[str, dict[str, tuple[str, float]]] = {}
         for title, styles, plants in (
             ("names of drivers", STYLES, none), ("names tried once, first", OTHERS, none),
-            ("second", SECOND, SECOND_PLANTS), ("third", THIRD, THIRD_PLANTS),
+            ("second", SECOND, SECOND_PLANTS), ("third", THIRD, THIRD_PLANTS), ("fourth", FOURTH, FOURTH_PLANTS),
         ):  # fmt: skip
             if args.names is None or args.names in title:
                 found = tried(styles) | {name: mapped_plant(PLANTS[name], c) for name, c in plants.items()}

@@ -1,4 +1,4 @@
-"""Two further sets of names, each written before it was tried: of robots, controllers and laboratories."""
+"""Three further sets of names, each written before it was tried: of robots, controllers and laboratories."""
 
 from __future__ import annotations
 
@@ -161,6 +161,44 @@ THIRD = {
     "two links, German": Style("two links", "M{n}_soll [Nm]", "phi{n}_ist [°]", "omega{n}_ist [°/s]", unit=DEG),
 }
 
+FOURTH = {
+    "staubli": Style("abb", "jCmd.j{n} (deg)", "jPos.j{n} (deg)", "jSpd.j{n} (deg/s)", unit=DEG),
+    "yaskawa": Style("kuka", "S-axis{n} CMD [deg]", "S-axis{n} FB [deg]", "", unit=DEG),
+    "mit motor": Style("two links", "t_ff[{k}]", "p[{k}]", "v[{k}]"),
+    "solo12": Style("go1 leg", "ctrl_torques_{k}", "joint_positions_{k}", "joint_velocities_{k}"),
+    "fetch": Style("kinova", "{joint}/position_command", "{joint}/position", "{joint}/velocity", ("{joint}/effort",)),
+    "tiago": Style("xarm", "arm_{n}_joint_ref", "arm_{n}_joint_pos", "arm_{n}_joint_vel", unit=1.0),
+    "aloha": Style("so101", "action/{k}", "qpos/{k}", "qvel/{k}"),
+    "droid": Style("panda", "action.joint_position_{k}", "observation.joint_positions_{k}", ""),
+    "abbrev, brackets": Style("scara", "nSoll{n}[rpm]", "phiIst{n}[deg]", "nIst{n}[rpm]", unit=DEG, speed_unit=RPM),
+    "edu arm": Style("so101", "{short}_tgt_deg", "{short}_cur_deg", "{short}_spd_dps", unit=DEG),
+    "beckhoff st": Style("abb", "MAIN.fTargetPos[{n}]", "MAIN.fActPos[{n}]", "MAIN.fActVel[{n}]", unit=DEG),
+    "codesys": Style("kuka", "Axis{n}.fSetPosition", "Axis{n}.fActPosition", "Axis{n}.fActVelocity", unit=DEG),
+    "canopen": Style(
+        "xarm",
+        "0x607A Target position {n}",
+        "0x6064 Position actual value {n}",
+        "0x606C Velocity actual value {n}",
+        unit=DEG,
+    ),
+    "spot": Style("anymal", "{joint}_load_cmd", "{joint}_position", "{joint}_velocity", ("{joint}_load",)),
+    "cassie": Style("go1 leg", "motor_torque[{k}]", "motor_pos[{k}]", "motor_vel[{k}]"),
+    "portuguese": Style(
+        "abb", "posição desejada J{n} (graus)", "posição medida J{n} (graus)", "velocidade J{n} (graus/s)", unit=DEG
+    ),
+    "dutch": Style("xarm", "gewenste hoek {n} [graden]", "gemeten hoek {n} [graden]", "", unit=DEG),
+    "turkish": Style("xarm", "hedef açı {n} [deg]", "ölçülen açı {n} [deg]", "", unit=DEG),
+    "russian": Style("kuka", "задание q{n}, град", "угол q{n}, град", "скорость q{n}, град/с", unit=DEG),
+    "drive, abbreviations": Style("drive", "Msoll[Nm]", "PhiIst[deg]", "nIst[rpm]", unit=DEG, speed_unit=RPM),
+    "pendulum, abbr": Style("pendulum", "Mref[Nm]", "ang[deg]", "angvel[deg/s]", unit=DEG),
+    "leap": Style("leap finger", "cmd_pos_{n}", "cur_pos_{n}", "cur_vel_{n}"),
+    "g1 sdk": Style("g1", "tau_ff/{joint}", "q/{joint}", "dq/{joint}", ("tau_est/{joint}",)),
+    "gym": Style("two links", "act{k}", "obs_q{k}", "obs_qd{k}"),
+    "two links, letters": Style(
+        "two links", "M_{word} [Nm]", "phi_{word} [°]", "w_{word} [°/s]", unit=DEG, words=("sh", "el")
+    ),
+}
+
 
 @dataclass(frozen=True)
 class Plant:
@@ -286,3 +324,12 @@ THIRD_PLANTS = {
     },
     "two masses": {"F": ("Kraft [N]", 1.0), "x1": ("Weg1 [mm]", 1e3), "x2": ("Weg2 [mm]", 1e3)},
 }  # fmt: skip
+
+FOURTH_PLANTS = {
+    "motor": {"u": ("Ua[V]", 1.0), "w": ("n[rpm]", RPM), "i": ("Ia[A]", 1.0)},
+    "cylinder": {"u": ("Uv[V]", 1.0), "x": ("s[mm]", 1e3), "pA": ("pA[bar]", 1e-5), "pB": ("pB[bar]", 1e-5)},
+    "heater": {"P_heat": ("Pel[W]", 1.0), "T_env": ("Tamb[°C]", 1.0), "T": ("Tist[°C]", 1.0)},
+    "tank": {"q_in": ("Qzu[l/min]", 6e4), "h": ("h[cm]", 100.0)},
+    "quadrotor": {"thrust": ("Fz_cmd", 1.0), "z": ("alt_m", 1.0), "vz": ("climb_m/s", 1.0)},
+    "two masses": {"F": ("Fact[N]", 1.0), "x1": ("s1[mm]", 1e3), "x2": ("s2[mm]", 1e3)},
+}

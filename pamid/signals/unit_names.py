@@ -38,11 +38,11 @@ ft: feet foot
 mil: mils thou
 rad: radian radians bogenmaß bogenmass
 mrad: milliradian
-deg: degree degrees grad altgrad winkelgrad
+deg: degree degrees grad altgrad winkelgrad град graus graden gradi
 gon: gradian neugrad
 rev: turn turns revolution revolutions umdrehung umdrehungen u umdr
 rad/s: rad/sec
-deg/s: deg/sec degree/s degrees/s grad/s
+deg/s: deg/sec degree/s degrees/s grad/s dps град/с graus/s gradi/s
 rpm: u/min 1/min upm umin rev/min r/min umdr/min min-1 turn/min turns/min umdrehungen/min tr/min giri/min об/мин
 rpm: 转/分 转/分钟 転/分
 rev/s: rps turn/s turns/s turn/sec turns/sec u/s umdr/s tr/s

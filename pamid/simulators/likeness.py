@@ -80,7 +80,9 @@ def dimension(unit: str) -> str:
 
 def columns_of(names: Sequence[str], telling: Set[str] = frozenset()) -> list[Column]:
     """Return the content of headers; a role's word that every column of several quantities bears says nothing."""
-    found = [column_of(name, telling=telling) for name in names]
+    said = {w for name in names for w in tokens(name)}
+    acted = {"act": "action"} if said & {"obs", "observation"} else {}  # not "actual"
+    found = [column_of(name, telling=telling, meant=acted) for name in names]
     spoken: dict[frozenset[str], list[set[str]]] = {}
     for c in found:
         if c.dimensions and not c.apart:
@@ -88,18 +90,20 @@ def columns_of(names: Sequence[str], telling: Set[str] = frozenset()) -> list[Co
     shared = [words[0].intersection(*words) for words in spoken.values()]
     some = [words[0].union(*words) - words[0].intersection(*words) for words in spoken.values()]
     silent = {w for w, n in Counter(w for words in shared for w in words).items() if n > 1} - set().union(*some)
-    return [column_of(name, silent, telling) for name in names] if silent else found
+    return [column_of(name, silent, telling, acted) for name in names] if silent else found
 
 
-def column_of(name: str, silent: Set[str] = frozenset(), telling: Set[str] = frozenset()) -> Column:
-    """Return the content of a header: some words say nothing of its role, words of a quantity may tell ports apart."""
+def column_of(
+    name: str, silent: Set[str] = frozenset(), telling: Set[str] = frozenset(), meant: Mapping[str, str] | None = None
+) -> Column:
+    """Return the content of a header: words silent on roles, words that tell ports apart, what abbreviations mean."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
     if unit and not header.bracketed and tokens(name)[-1] in ROLE_OF:  # kp is a gain
         unit = ""
     certain = bool(unit) and (header.bracketed or not letters)
-    words = tokens(" ".join(header.words) if certain else name)
+    words = [(meant or {}).get(w, w) for w in tokens(" ".join(header.words) if certain else name)]
     numbers = [k for k, w in enumerate(words) if w.isdigit()]
     series = " ".join("#" if numbers and k == numbers[-1] else w for k, w in enumerate(words))
     roles = roles_of(w for w in words if w not in silent)

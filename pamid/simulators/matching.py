@@ -219,7 +219,7 @@ class _Matcher:
         left = [p for p in self.places if p.port.name not in pairs and p.port.name not in self.rivals and p.dimensions]
         for kind in dict.fromkeys((p.commanded, p.dimensions) for p in sorted(left, key=lambda p: p.commanded)):
             ports = [p for p in left if (p.commanded, p.dimensions) == kind]
-            columns = [c for c in free if c.name not in found.values() and role_score(ports[0], c) > -math.inf]
+            columns = [c for c in free if c.name not in found.values() and self._may_be(ports[0], c)]
             said = [c for c in columns if c.commanded] if kind[0] else []
             said = said or [c for c in columns if (c.dimensions or c.symbols | {c.dimension}) & kind[1]]
             unsaid = not kind[0] and any(
@@ -233,6 +233,15 @@ class _Matcher:
             found[open_[0].port.name] = rest[0].name
         self.left_over |= set(found)
         return found
+
+    def _may_be(self, place: Place, column: Column) -> bool:
+        """Return whether nothing forbids a pair; what acted may be measured where no output is of its quantity."""
+        if role_score(place, column) > -math.inf:
+            return True
+        alone = not any(p.dimensions & place.dimensions for p in self.places if not p.commanded)
+        return (
+            alone and place.commanded and column.measured and role_score(place, replace(column, measured=False)) > 0.0
+        )
 
     # --- units ----------------------------------------------------------------------------------------------
     def told(self, pairs: Mapping[str, str]) -> tuple[list[Match], dict[str, str]]:

@@ -8,11 +8,13 @@ from collections.abc import Iterable, Iterator
 _ROLES = {
     "command": "cmd command commanded commands des desired ref reference references target targets tgt trg ctrl "
     "control setpoint setpoints set goal action actions sp d plan planned demand demanded desire wanted leader master "
-    "soll sollwert vorgabe ziel führung stell stellgrösse wunsch consigne commande cible désiré désirée deseado "
-    "deseada objetivo comando riferimento rif desejado desejada gewenst gewenste "
+    "ff feedforward soll sollwert vorgabe ziel führung stell stellgrösse wunsch consigne commande cible désiré "
+    "désirée deseado deseada objetivo comando riferimento rif desejado desejada gewenst gewenste "
+    "задание задан заданный заданная заданное уставка "
     "目标 目標 期望 指令 设定 設定 给定 給定 命令 参考 控制",
     "reading": "actual act measured meas mes feedback fbk fb observation obs present ist istwert encoder estimated est "
     "read follower puppet slave gemessen mess mesure mesuré mesurée réel réelle medido medida misurato gemeten "
+    "измерено измеренный измеренная измеренное факт "
     "实际 實際 实测 反馈 测量 当前 现在 現在 実 実測 実際 測定 計測",
     "error": "error errors err diff deviation dev abweichung regelabweichung regeldifferenz schleppfehler fehler écart "
     "erreur kp kd ki gain gains stiffness battery batterie vbus 误差 偏差 誤差",
@@ -30,20 +32,21 @@ _DIMENSIONS = {
     (
         "angular rate",
         "speed",
-    ): "dq qd qdot qvel dpos vel velo spd velocity velocities speed speeds rate geschwindigkeit "
+    ): "dq qd qdot qvel dpos vel velo spd velocity velocities speed speeds rate geschwindigkeit скорость "
     "vitesse velocidad velocità velocidade snelheid hoeksnelheid 速度",
     ("speed",): "dx dy dz",
-    ("angle",): "q theta θ phi φ angle angles winkel angolo ángulo hoek 角度 角",
-    ("angle", "length"): "qpos pos position positions lage stellung posición posizione 位置",
+    ("angle",): "q theta θ phi φ angle angles угол winkel angolo ángulo hoek 角度 角",
+    ("angle", "length"): "qpos pos position positions положение lage stellung posición posizione 位置",
     ("length",): "weg hub stroke displacement auslenkung déplacement",
-    ("torque",): "tau τ torque torques torq trq moment momentum drehmoment couple coppia koppel 力矩 扭矩 转矩 トルク",
+    ("torque",): "tau τ torque torques torq trq moment momentum drehmoment couple coppia koppel момент 力矩 扭矩 转矩 "
+    "トルク",
     _EFFORT: "effort efforts pwm load duty u",
-    ("current",): "current curr cur amps iq strom courant corriente corrente 电流 電流",
-    ("voltage",): "volt volts voltage spannung tension voltaje tensione 电压 電圧",
-    ("pressure",): "pressure pressures druck pression presión pressione 压力 圧力",
-    ("force",): "force kraft fuerza forza loadcell 力",
-    ("mass flow", "volume flow"): "mdot flow durchfluss débit caudal portata 流量",
-    ("temperature",): "temp temperature temperatures temperatur température temperatura 温度",
+    ("current",): "current curr cur ток amps iq strom courant corriente corrente 电流 電流",
+    ("voltage",): "volt volts напряжение voltage spannung tension voltaje tensione 电压 電圧",
+    ("pressure",): "pressure pressures druck давление pression presión pressione 压力 圧力",
+    ("force",): "force kraft сила fuerza forza loadcell 力",
+    ("mass flow", "volume flow"): "mdot flow durchfluss расход débit caudal portata 流量",
+    ("temperature",): "temp temperature temperatures температура temperatur température temperatura 温度",
 }
 """Dimensions that a quantity of such a name has; a rate outweighs the position that it is of, so it stands first."""
 _SYMBOLS = {
@@ -64,6 +67,8 @@ SYMBOLS_OF = {
 }
 _ORDER = list(_DIMENSIONS)
 _KNOWN = sorted({*ROLE_OF, *DIMENSIONS_OF, "dot"}, key=len, reverse=True)
+_MARKED = re.compile(f"([{''.join(SYMBOLS_OF)}])(soll|ist|ref|cmd|set|act|des|meas|mess)")
+"""A quantity's letter and its role, as in ``Tist``."""
 _WITHIN = re.compile(f"({'|'.join(re.escape(w) for w in _KNOWN if not w.isascii())})")
 
 
@@ -90,6 +95,8 @@ def _parts(word: str) -> list[str]:
     """Return the parts of a compound of known words, the longest first; a word of another kind as it is."""
     if any(ord(c) > 0x2000 for c in word):  # written without blanks
         return [w for w in _WITHIN.split(word) if w]
+    if marked := _MARKED.fullmatch(word):
+        return list(marked.groups())
     return next(_compounds(word), [word]) if len(word) > 1 else [word]
 
 

@@ -249,6 +249,36 @@ def test_what_is_matched_leaves_one_choice_for_others() -> None:
     assert [m.column for m in found] == list(frame)
 
 
+@pytest.mark.parametrize(
+    ("ports", "columns"),
+    [
+        ({"P_heat": ("input", "W"), "T_env": ("input", "K"), "T": ("state", "K")}, ["Pel[W]", "Tamb[°C]", "Tist[°C]"]),
+        ({"F": ("input", "N"), "x": ("state", "m")}, ["Fact[N]", "s[mm]"]),
+        ({"arm": ("input", "N m"), "arm_q": ("state", "rad")}, ["act0", "obs_q0"]),
+        ({"arm": ("input", "N m"), "arm_q": ("state", "rad"), "arm_dq": ("state", "rad/s")}, ["t_ff", "p", "v"]),
+        ({"a1": ("input", "rad"), "a1_q": ("state", "rad")}, ["задание q1, град", "угол q1, град"]),
+    ],
+)
+def test_abbreviations_and_what_stands_beside_them(ports: dict[str, tuple[str, str]], columns: list[str]) -> None:
+    """A letter and its role; a force that acts, though measured; an action beside its observation."""
+    declared = [Port(name, kind, unit) for name, (kind, unit) in ports.items()]
+    states = [name for name, (kind, _) in ports.items() if kind == "state"]
+    simulator = FunctionSimulator(lambda t, x, u, p: [0.0] * len(states), declared)
+    t = np.linspace(0.0, 10.0, 1000)
+    motion = {"input": np.cos(3.1 * t), "state": np.sin(t - 0.3), "rate": np.cos(t - 0.3)}
+    kinds = ["rate" if unit == "rad/s" else kind for kind, unit in ports.values()]
+    found, _ = matches(simulator, declared, {c: motion[k] for c, k in zip(columns, kinds, strict=True)}, t)
+    assert [m.column for m in found] == columns
+
+
+def test_a_measured_position_is_no_command() -> None:
+    ports = [Port("arm", "input", "rad"), Port("arm_q", "state", "rad")]
+    simulator = FunctionSimulator(lambda t, x, u, p: [u.arm], ports)
+    t = np.linspace(0.0, 10.0, 1000)
+    found, _ = matches(simulator, ports, {"arm_ist [rad]": np.sin(t)}, t)
+    assert [(m.port, m.column) for m in found] == [("arm_q", "arm_ist [rad]")]
+
+
 def test_an_fmus_log_is_mapped_joined_and_diagnosed_by_the_printed_command(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
