@@ -144,7 +144,7 @@ def leaking(leak: float) -> Rates:
 
 def cylinder_log(leak: float, seed: int = 5) -> pd.DataFrame:
     drives = [two_sines(0.6, 0.8 + 0.3 * k, 0.3, 2.1, k) for k in range(3)]
-    noise = {"s": 1e-5, "v": 1e-3, "pa": 2e4, "pb": 2e4}
+    noise = {"s": 1e-5, "v": 1e-3, "pa": 1e4, "pb": 1e4}
     return logged(CYLINDER, leaking(leak), [0.2, 0.0, 4e6, 6e6], drives, noise, 2e-3, 4.0, seed)
 
 
