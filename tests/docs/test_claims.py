@@ -43,7 +43,7 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
     yield statistics, f"no more than one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
     yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days only the named causes are compared."
-    yield "docs/diagnosis.md", f"measured values that differ by a factor of {FACTOR:g}."
+    yield "docs/diagnosis.md", f"a measured quantity that differs by a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
         f"explain the other to {100 * ALIKE:g} %, or to {WORDS[round(SEEN)]} standard deviations of the noise",

@@ -160,7 +160,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
     yield "docs/withheld.md", f"**measured** here were {share} %"
-    yield "docs/diagnosis.md", f"Of those 5 % at most should be wrong; {share} %"
+    yield "docs/diagnosis.md", f"Of names without reserve 5 % at most should be wrong; {share} %"
     yield "docs/theory-diagnosis.md", f"[{share} % were measured]"
 
 
