@@ -18,7 +18,7 @@ from ..simulators.port_log import port_log
 from ..simulators.port_units import tell_unit_doubts
 from ..simulators.steadiness import tell_if_unsteady
 from ..simulators.structure import some_instants
-from .diagnosis.findings import Candidate, Cause, ParameterEstimate
+from .diagnosis.findings import Candidate, Cause, Closure, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .inference.first_order import FirstOrder
 from .inference.floor import Learnable, Learned, explainable
@@ -217,9 +217,44 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
         in_units(found, places, physical),
         notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *notes],
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
+        closure=_by_itself(evidence, found) if source is None and found.added else found.closure,
         nominal=evidence.given,
         corrected=corrected,
         deviations=deviations,
+    )
+
+
+def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:
+    """Return the closure with what the corrected simulator closes where nothing is allowed for within a sample."""
+    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
+    none = {k: -v for k, v in zip(evidence.free, map(float, evidence.about), strict=True)}
+    own = {k: v for k, v in found.deviations.items() if k in evidence.given.parameters}
+    allowed = {k: v for k, v in found.deviations.items() if k not in own and v != none[k]}
+    if not allowed:
+        return found.closure
+    parts = dict(zip(evidence.equations, evidence.parts, strict=True))
+
+    def shares(more: Mapping[str, float]) -> dict[str, float]:
+        left = evidence.raw(evidence.z(spec, {**none, **own, **more})) * evidence.noise
+        return {c.equation: _closed(c, left[parts[c.equation]]) for c in found.closure}
+
+    alone, told = shares({}), list[Closure]()
+    with_one = (
+        {k: shares({k: v}) for k, v in allowed.items()}
+        if any(alone[c.equation] < c.ci90[0] for c in found.closure)
+        else {}
+    )
+    for c in found.closure:
+        most = max(allowed, key=lambda k: with_one[k][c.equation]) if alone[c.equation] < c.ci90[0] else ""
+        told.append(replace(c, alone=alone[c.equation], allowed=most))
+    return told
+
+
+def _closed(c: Closure, left: np.ndarray) -> float:
+    """Return the share of an equation's gap that is closed where these residuals are left."""
+    room = c.rmse_before**2 - c.noise_floor**2
+    return (
+        float(np.clip((c.rmse_before**2 - np.mean(np.square(left))) / room, 0.0, 1.0)) if room > 0.0 else c.closed_share
     )
 
 

@@ -26,6 +26,14 @@ _EXPERIMENT_UNITS = {
 }  # fmt: skip
 _READABLE = 4  # conditions of a region that a sentence holds
 _NOTHING = 0.02  # share closed that is not worth a name
+_ALLOWED = {
+    "timing": "when {} acts within a sample",
+    "bend": "how {} goes from row to row",
+    "drive": "how {} moves within a sample",
+    "skew": "the time between {} and its position, within a sample",
+    "offset": "a small offset at {}",
+}
+"""What a fit allows for, by the first word of its name."""
 _FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
 
 
@@ -371,7 +379,19 @@ def how_far(d: Diagnosis) -> str:
     )
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
     others = [f"{percent(o.closed_share)} {words.in_equation(o.equation)}" for o in rest]
-    return f"{text}; {listed(others)}." if others else f"{text}."
+    return (f"{text}; {listed(others)}." if others else f"{text}.") + _by_itself(c)
+
+
+def _by_itself(c: Closure) -> str:
+    """Return what the corrected simulator closes where the fit allows for more than it holds."""
+    if not c.allowed:
+        return ""
+    kind, _, of = c.allowed.partition(" of ")
+    rest = _ALLOWED[kind].format(of) if kind in _ALLOWED else f"the {c.allowed}"
+    return (
+        f" The corrected simulator by itself closes {percent(c.alone)}: the rest is {rest}, "
+        "which this log does not say and the fit allows for."
+    )
 
 
 def _unseen(d: Diagnosis) -> str:

@@ -279,13 +279,14 @@ def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(m
     from types import SimpleNamespace
 
     from pamid.cli._corrected import _short
+    from pamid.gap import Closure
 
-    def gap(equation, low):
-        return SimpleNamespace(equation=equation, rmse_before=1.1, noise_floor=1.0, ci90=(low, 1.0))
+    def gap(equation, low, allowed=""):
+        return Closure(equation, 1.1, 1.0, 1.0, 0.9, (low, 1.0), allowed=allowed)
 
-    left = {"valve": SimpleNamespace(rmse=1.102), "force": SimpleNamespace(rmse=1.102)}
+    left = dict.fromkeys(("valve", "force", "told"), SimpleNamespace(rmse=1.102))
     monkeypatch.setattr("pamid.any_simulator.evaluate", lambda log, simulator: left)
-    d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8)])
+    d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8), gap("told", 0.8, "timing of u")])
     assert _short(d, None, None) == {"force": 0.0}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -301,6 +302,12 @@ class Closure:
         90 % interval over runs.
     unit : str
         The equation's unit.
+    alone : float
+        Share that the corrected simulator closes on this log, where the fit allows for more than it holds, such as
+        inputs half a sample early; NaN where it does not.
+    allowed : str
+        What the fit allows for that closes most of the rest, such as ``"timing of road"``; empty where `alone` is not
+        below `ci90`.
 
     Examples
     --------
@@ -318,6 +325,8 @@ class Closure:
     closed_share: float
     ci90: Interval
     unit: str = ""
+    alone: float = math.nan
+    allowed: str = ""
 
 
 @dataclass(frozen=True)
