@@ -31,27 +31,24 @@ def course_figure(
 ) -> Figure:
     """Draw what was measured in a run, and what the simulator says without and with the causes.
 
-    Of a long run the part with the largest error is drawn once more, where the log has the measured side with its rows.
+    Where a column of the log holds the measured side, its rows are drawn behind the means over windows. Of a long run
+    the part with the largest error is drawn once more.
     """
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)
     quantity = Words.of(d).target(equation, unit_of(d, equation))
-    close = _close(part)
+    close, rows = _close(part), target_rows(d, equation, trajectory, str(part["side"].iloc[0]))
     with style():
         figure, axes = new_figure(5.2, 2.7 if close is None else 4.4, 1 if close is None else 2, 1)
         whole = axes[0, 0]
-        _draw(whole, d, part, part, quantity.factor)
+        _draw(whole, d, part, part, quantity.factor, rows)
         if limits is not None:
             whole.set_ylim(*limits)
         if close is not None:
             ends = close["time"].iloc[[0, -1]]
             whole.axvspan(*ends, color=FAINT, alpha=0.6, linewidth=0)
-            _draw(axes[1, 0], d, part, close, quantity.factor)
-            if (rows := target_rows(d, equation, trajectory, str(close["side"].iloc[0]))) is not None:
-                time, values = (x[(rows[0] >= ends.iloc[0]) & (rows[0] <= ends.iloc[1])] for x in rows)
-                line = drawn(time, quantity.factor * values)
-                axes[1, 0].plot(*line, color=GREY, linewidth=0.6, zorder=1.5, label="measured, every row")
+            _draw(axes[1, 0], d, part, close, quantity.factor, rows)
             axes[1, 0].set_title("The grey part")
         for ax in axes[:, 0]:
             ax.set_ylabel(quantity.label)
@@ -61,8 +58,14 @@ def course_figure(
     return figure
 
 
-def _draw(ax: Axes, d: Diagnosis, run: pd.DataFrame, part: pd.DataFrame, factor: float) -> None:
-    """Draw a part of a run, with the fits of the whole run."""
+def _draw(
+    ax: Axes, d: Diagnosis, run: pd.DataFrame, part: pd.DataFrame, factor: float, rows: tuple[np.ndarray, ...] | None
+) -> None:
+    """Draw a part of a run, with the fits of the whole run, over the rows of what was measured where there are any."""
+    if rows is not None:
+        first, last = part["time"].iloc[[0, -1]]
+        time, values = (x[(rows[0] >= first) & (rows[0] <= last)] for x in rows)
+        ax.plot(*drawn(time, factor * values), color=GREY, linewidth=0.6, zorder=1.5, label="measured, every row")
     time, measured = part["time"].to_numpy(dtype=float), part["measured"].to_numpy(dtype=float)
     told = {"before": "simulated before" if d.added else "simulated", "after": "simulated after"}
     lines: list[tuple[Any, str, str, Any, float]] = [(measured, INK, "measured", "-", 1.6)]
