@@ -1,4 +1,4 @@
-"""Users' own simulators: correct ones, effects that commute, libraries cut and doubled, more sensors, practice logs.
+"""Own simulators: right, with one cause, effects that commute, libraries cut and doubled, more sensors, practice logs.
 
 Every case runs in a process of its own with a time limit, prints as it ends and may be kept as a JSON line, so that two
 revisions of the library can be compared case by case with ``--compare``.
@@ -18,10 +18,17 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._answers import compared, each, keep, kept, times_of
-from benchmarks._own import commute, practice, right, sensors, shorter
+from benchmarks._own import commute, named, practice, right, sensors, shorter
 
-SUITES = {"commute": commute, "library": shorter, "sensors": sensors, "right": right, "practice": practice}
-CASES = {"commute": 9, "library": 5, "sensors": 8, "right": 10, "practice": 6}
+SUITES = {
+    "commute": commute,
+    "library": shorter,
+    "sensors": sensors,
+    "right": right,
+    "named": named,
+    "practice": practice,
+}
+CASES = {"commute": 9, "library": 5, "sensors": 8, "right": 10, "named": 10, "practice": 6}
 """Cases of a quick run."""
 
 

@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
     from .one_equation import stated
-    from .residuals.choice import PULLED, motion_is_hidden, noise_pulls, sign_may_be_lost
+    from .residuals.choice import PULLED, motion_is_hidden, noise_pulls, sensor_ends, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     if simulator.states_equation:
@@ -64,7 +64,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
-    if motion_is_hidden(found):
+    if sensor_ends(found) or motion_is_hidden(found):
         return predicted()
     if noise_pulls(found):
         if not simulator.one_by_one:  # otherwise it would take too long

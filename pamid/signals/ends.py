@@ -26,14 +26,27 @@ class End(NamedTuple):
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
     """Return the end of a sensor's range, if readings that otherwise hardly repeat are exactly there."""
-    size = np.abs(x)
+    return _standing(x, np.abs(x), spans)
+
+
+def one_sided_end(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
+    """Return the same of a sensor that reads farther on the other side of zero."""
+    for size in (x, -x):
+        end = _standing(x, size, spans) if np.max(size, initial=0.0) < np.max(-size, initial=0.0) else None
+        if end is not None:
+            return end
+    return None
+
+
+def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
+    """Return the end at the largest size; where a run begins or ends there, it may just rest."""
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)
     equal, pairs = 0, 0
     for a, b in spans:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at[a:b].astype(int), [0]])))
         for begin, stop in edges.reshape(-1, 2):
-            rows[a + begin : a + stop] = stop - begin >= _IN_A_ROW
+            rows[a + begin : a + stop] = stop - begin >= _IN_A_ROW and begin > 0 and a + stop < b
         both = ~(at[a : b - 1] & at[a + 1 : b])
         equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
         pairs += int(np.sum(both))

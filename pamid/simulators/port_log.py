@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import MissingColumnError, ShortTrajectoryError
+from ..signals.ends import one_sided_end
 from .base import Simulator
 
 if TYPE_CHECKING:
@@ -141,7 +142,23 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     gaps = {p.name: lost[:, k] for k, p in enumerate(there) if lost[:, k].any()}
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
     t = np.concatenate([t for _, t, _, _ in even])
-    return PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
+    made = PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
+    return _without_ends(made, [p.name for p in there if p.kind in ("output", "state")])
+
+
+def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
+    """Return a log without what sensors read at the one end of their range that they reach, with notes."""
+    channels, gaps, notes = dict(log.channels), dict(log.gaps), list(log.notes)
+    for name in readings:
+        if (end := one_sided_end(x := log.channels[name], log.spans)) is not None:
+            rows = x == x[end.rows][0]
+            gaps[name] = gaps.get(name, False) | rows
+            channels[name] = np.where(rows, np.interp(np.arange(log.n), np.flatnonzero(~rows), x[~rows]), x)
+            notes.append(
+                f"{name} stands at {x[end.rows][0]:.4g}, an end of what it reads, in {100 * rows.mean():.1f} % of the "
+                "rows while it moves elsewhere: its sensor's range ends there. These readings are left out."
+            )
+    return replace(log, channels=channels, gaps=gaps, notes=notes)
 
 
 def _runs(log: pd.DataFrame, columns: list[str]) -> list[tuple[str, np.ndarray, np.ndarray]]:

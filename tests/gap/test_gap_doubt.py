@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.gap import diagnose, diagnose_simulator, engine
+from pamid.gap.inference.significance import outliers
 from pamid.simulators import FunctionSimulator, Port
 
 NOMINAL = BenchParameters.for_muscle("B").replace(
@@ -72,3 +75,21 @@ def test_what_lasts_is_a_gap_and_a_bad_reading_is_none(event: float, verdict: st
     )
     assert said in str(found) and bool(found.events) == bool(event)
     assert not event or (58.0 < found.events[0].begins < 59.0 and 61.0 < found.events[0].ends < 62.0)
+
+
+@pytest.mark.parametrize(
+    ("overlap", "length", "every", "told"),
+    [(1, 2, 40, True), (1, 1, 10, False), (3, 3, 40, False), (3, 4, 500, True), (1, 2, 500, False), (1, 1, 3, False)],
+)
+def test_rows_of_far_windows_are_a_gap_where_no_bad_reading_makes_them(
+    overlap: int, length: int, every: int, told: bool
+) -> None:
+    """One reading is in one window of a prediction, and in up to three of an equation."""
+    at = np.arange(1000)
+    rng = np.random.default_rng(0)
+    far = at % every < length if length > 1 else rng.random(1000) < 1.0 / every
+    zero = np.zeros(1000, dtype=int)
+    evidence = SimpleNamespace(
+        exact=False, parts=[slice(0, 1000)], run=zero, side=zero, time=at * 0.1, overlap=overlap, sharp=[], raw=np.array
+    )
+    assert (outliers(evidence, np.where(far, 20.0, 0.5)) < 0.01) == told

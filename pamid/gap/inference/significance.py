@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ..residuals.protocol import ResidualSource
+from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FAR, FEW, NOISE_KNOWN, NU
 from .gauss_newton import Fit
 from .sensitivity import Template
@@ -138,13 +138,14 @@ def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
     """Return the probability of as many windows far beyond their noise, which a robust scale ignores.
 
     Only equations without derivatives count: others may err where a command jumps between two samples. At ports, where
-    the noise is only guessed, as many must follow each other: no bad reading lasts as long.
+    the noise is only guessed, they must follow each other as no bad readings would.
     """
     from scipy.special import ndtr, pdtrc
 
-    if not evidence.exact and any(lasting(evidence, z, part) for part in evidence.parts):
-        return 0.0
     p_value = 1.0
+    if not evidence.exact:
+        z = evidence.raw(z)
+        p_value = min((_in_a_row(evidence, z, part) for part in evidence.parts), default=1.0)
     for part in evidence.sharp:
         if (far := int(np.sum(np.abs(z[part]) > FAR))) >= FEW:
             expected = 2.0 * len(z[part]) * float(ndtr(-FAR / (1.0 + 10.0 * NOISE_KNOWN)))
@@ -154,9 +155,23 @@ def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
 
 def lasting(evidence: ResidualSource, z: np.ndarray, part: slice, size: float = 1.0) -> list[np.ndarray]:
     """Return the windows of each event: `FEW` or more of a run in a row, far beyond their noise of a size."""
-    run, side = evidence.run[part], evidence.side[part]
-    order = np.lexsort((evidence.time[part], side, run))
-    lane, far = (run * 16 + side)[order], np.abs(z[part][order]) > FAR * size
+    return [part.start + k for k in _far_stretches(evidence, z, part, size) if len(k) >= FEW]
+
+
+def _far_stretches(evidence: ResidualSource, z: np.ndarray, part: slice, size: float = 1.0) -> list[np.ndarray]:
+    """Return the windows of each stretch far beyond the noise, counted within the part."""
+    lane = lanes(evidence)[part]
+    order = np.lexsort((evidence.time[part], lane))
+    lane, far = lane[order], np.abs(z[part][order]) > FAR * size
     ends = np.flatnonzero((np.diff(lane) != 0) | (np.diff(far) != 0)) + 1
-    stretches = np.split(np.arange(len(far)), ends)
-    return [part.start + order[k] for k in stretches if len(k) >= FEW and far[k[0]]]
+    return [order[k] for k in np.split(np.arange(len(far)), ends) if len(k) and far[k[0]]]
+
+
+def _in_a_row(evidence: ResidualSource, z: np.ndarray, part: slice) -> float:
+    """Return the probability of as many windows far beyond their noise in rows that no one bad reading makes."""
+    from scipy.special import pdtrc
+
+    lengths = [len(k) for k in _far_stretches(evidence, z, part)]
+    rows = sum(max(n - evidence.overlap, 0) for n in lengths)
+    windows, row = part.stop - part.start, evidence.overlap + 1
+    return float(pdtrc(rows - 1, windows * (sum(lengths) / windows) ** row)) if rows > FEW - row else 1.0

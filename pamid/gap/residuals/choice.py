@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ...signals.ends import end_of
 from ...signals.noise import quantisation_step
 from ..settings import LEAST_GAIN
 from .direct import DirectEvidence
@@ -19,6 +20,15 @@ BENT = 0.02
 """Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
+
+
+def sensor_ends(found: DirectEvidence) -> bool:
+    """Return whether a reading stands at the end of its sensor's range: how far the motion goes, predictions show.
+
+    Simulators that answer one instant at a time take too long for them.
+    """
+    ode, channels = found.simulator.form == "ode" and not found.simulator.one_by_one, found.log.channels
+    return ode and any(end_of(channels[n], found.log.spans) for n in found.simulator.states if n in channels)
 
 
 def noise_pulls(found: DirectEvidence) -> bool:

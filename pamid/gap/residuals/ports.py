@@ -64,6 +64,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Any model may be wrong in several small ways at once."""
     bends = True
     """Whether residuals are no sums of what effects do one by one: large ones are refitted before they are ranked."""
+    overlap = 3
+    """A reading is in two windows by the test functions, and in a third by rates of its neighbours."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
     least_gain = 1.5 * LEAST_GAIN

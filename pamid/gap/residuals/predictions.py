@@ -41,6 +41,8 @@ class PredictedEvidence(StretchEvidence):
         number.
     """
 
+    overlap = 1
+
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
     ) -> None:

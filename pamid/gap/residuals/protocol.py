@@ -62,6 +62,8 @@ class ResidualSource(Protocol):
         Windows in which none may be far out by chance.
     twins : mapping of str to str
         Effects that act alike, each by the other's name: no log of this simulator distinguishes them.
+    overlap : int
+        Most windows of an equation that one reading is in.
     curved : bool
         Whether tolerances are so wide that sensitivities vary within them: `slopes` then differ from `J`.
     pace : float
@@ -94,6 +96,7 @@ class ResidualSource(Protocol):
     stretch: float
     exact: bool
     bends: bool
+    overlap: int
     curved: bool
     twins: Mapping[str, str]
     pace: float

@@ -1,0 +1,82 @@
+"""A sensor at the end of its range: named where one number says it, left out where it reads farther the other way."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import diagnose_simulator
+from pamid.gap.simulated import evidence_of
+from pamid.signals.ends import end_of, one_sided_end
+from pamid.simulators import FunctionSimulator, Port
+
+DT, ROWS = 0.02, 500
+
+
+def cart() -> FunctionSimulator:
+    ports = [Port("force", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    return FunctionSimulator(
+        lambda t, x, u, p: [x.v, (u.force - 3.0 * x.v - p.k * x.x) / 2.0], ports, {"k": (15.0, 0.05, "N/m")}
+    )
+
+
+def log_of(rest: float = 0.0) -> pd.DataFrame:
+    """Return a log of the cart, pushed to one side more than to the other or on both alike."""
+    rng, frames = np.random.default_rng(4), []
+    for run in range(2):
+        t = np.arange(ROWS) * DT
+        w = rng.uniform(0.8, 6.0, 5)
+        force = 8.0 * np.sin(w * t[:, None] + rng.uniform(0.0, 6.0, 5)).mean(axis=1) + rest
+        x = np.array([rest / 15.0, 0.0])
+        rows = []
+        for f in force:
+            rows.append(x)
+            for _ in range(20):
+                x = x + DT / 20 * np.array([x[1], (f - 3.0 * x[1] - 15.0 * x[0]) / 2.0])
+        x, v = np.array(rows).T
+        noisy = {"x": x + 4e-4 * rng.standard_normal(ROWS), "v": v + 3e-3 * rng.standard_normal(ROWS)}
+        frames.append(pd.DataFrame({"trajectory": str(run), "time": t, "force": force, **noisy}))
+    return pd.concat(frames, ignore_index=True)
+
+
+def cut(log: pd.DataFrame, way: int = 1) -> pd.DataFrame:
+    end = (way * log["x"]).quantile(0.9)
+    return log.assign(x=way * np.minimum(way * log["x"], end))
+
+
+def spans(log: pd.DataFrame) -> list[tuple[int, int]]:
+    return [(k, k + ROWS) for k in range(0, len(log), ROWS)]
+
+
+@pytest.mark.parametrize("way", [1, -1])
+def test_readings_at_one_end_of_a_range_are_left_out(way: int) -> None:
+    log = log_of()
+    log["x"] *= np.where(way * log["x"] < 0, 1.2, 1.0)
+    log = cut(log, way)
+    end = one_sided_end(log["x"].to_numpy(), spans(log))
+    assert end is not None and 0.05 < end.rows.mean() <= 0.11
+    evidence = evidence_of(log, cart())
+    gap = evidence.log.gaps["x"]
+    assert np.array_equal(gap, log["x"] == way * (way * log["x"]).max())
+    assert "x stands at" in evidence.notes[0] and "These readings are left out" in evidence.notes[0]
+
+
+def test_a_right_simulator_beside_a_sensor_that_ends_on_one_side_has_no_gap() -> None:
+    found = diagnose_simulator(cut(log_of()), cart(), ["coulomb_friction", "sensor_gain", "sensor_saturation"], seed=0)
+    assert found.verdict == "none", found
+
+
+def test_the_end_of_a_range_is_named_where_all_states_are_logged() -> None:
+    log = cut(log_of(rest=20.0))
+    found = diagnose_simulator(log, cart(), ["coulomb_friction", "sensor_gain", "sensor_saturation"], seed=0)
+    [cause] = found.causes
+    assert cause.effects == ("sensor_saturation",)
+    assert cause.parameters["limit"].value == pytest.approx(log["x"].max(), rel=2e-3)
+
+
+def test_a_run_that_begins_or_ends_at_rest_reaches_no_end() -> None:
+    t = np.arange(200) * DT
+    x = np.minimum(np.exp(-0.3 * t) * np.cos(3.0 * t), np.cos(0.4))
+    for rows in (x, x[::-1]):
+        assert end_of(rows, [(0, 200)]) is None
+    x = np.sin(3.0 * t) + 0.3
+    assert end_of(np.minimum(x, 1.2), [(0, 200)]) is not None
