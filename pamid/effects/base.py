@@ -26,7 +26,6 @@ contraction ratio and velocity its rate; for the joint, angle and angular veloci
 
 from __future__ import annotations
 
-import math
 from abc import ABC
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
@@ -243,7 +242,7 @@ class Effect(ABC):
         for name, value in values.items():
             p = known[name]
             if p.unit != "-" or p.position:
-                p = replace(p, lower=0.0 if p.lower >= 0.0 else -math.inf, upper=math.inf)
+                p = p.of_any_size()
             effect.values[name] = checked_value(cls.name, p, value)
             setattr(effect, name, effect.values[name])
         return effect

@@ -54,8 +54,8 @@ class DirectionalFriction(Bristles):
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the friction of the direction in which the bristles are bent, N."""
-        p = np.maximum(s.pressure - plant.atmospheric_pressure, 0.0)
-        forward = self.forward + self.forward_per_pressure * p
-        return -forward * np.maximum(x[0], 0.0) - (self.backward + self.backward_per_pressure * p) * np.minimum(
-            x[0], 0.0
-        )
+        forward, backward = self.forward, self.backward
+        if self.forward_per_pressure or self.backward_per_pressure:
+            p = np.maximum(s.pressure - plant.atmospheric_pressure, 0.0)
+            forward, backward = forward + self.forward_per_pressure * p, backward + self.backward_per_pressure * p
+        return -forward * np.maximum(x[0], 0.0) - backward * np.minimum(x[0], 0.0)

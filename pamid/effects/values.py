@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from ..errors import ImplausibleParameterError, SimulatorTypeError
 
+_ABOVE_0 = sys.float_info.min
 MOST_PERIODS = 40
 """Most periods of an effect of the position within the range that a log covers."""
 
@@ -94,6 +96,11 @@ class Parameter:
         lower, upper = max(self.lower, once), min(self.upper, MOST_PERIODS * once)
         return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
 
+    def of_any_size(self) -> Parameter:
+        """Return it with bounds that hold in every system: its sign, and that what is positive is not 0."""
+        low = -math.inf if self.lower < 0.0 else _ABOVE_0 if self.lower > 0.0 else 0.0
+        return replace(self, lower=low, upper=math.inf)
+
     def size(self, value: float) -> float:
         """Return how far a value is from no effect, as errors of it are counted."""
         return (1.0 + value) * math.log1p(value) if self.factor else value
@@ -133,7 +140,7 @@ def checked_value(effect: str, p: Parameter, value: Any) -> float:
     SimulatorTypeError
         It is no number.
     ImplausibleParameterError
-        It is not finite, or outside the bounds.
+        It or its square is not finite, or it is outside the bounds.
 
     Examples
     --------
@@ -150,10 +157,10 @@ def checked_value(effect: str, p: Parameter, value: Any) -> float:
     if math.isfinite(number) and (inside := min(max(number, p.lower), p.upper)) != number:
         # A search in logarithms ends beside a bound by what is rounded.
         number = inside if abs(inside - number) <= 1e-12 * abs(number) else number
-    if not math.isfinite(number) or not p.lower <= number <= p.upper:
+    if not math.isfinite(number * number) or not p.lower <= number <= p.upper:
         raise ImplausibleParameterError(
             f"{p.name} of the effect {effect} is {number:g} {p.unit}.",
-            f"{p.lower:g} to {p.upper:g} {p.unit} ({p.description})",
+            f"{'more than 0' if p.lower == _ABOVE_0 else f'{p.lower:g} to {p.upper:g}'} {p.unit} ({p.description})",
             "Correct the value; all units are SI.",
         )
     return number

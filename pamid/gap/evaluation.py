@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, summed
+from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
 from .one_equation import Measured
@@ -74,6 +76,7 @@ def evaluate_simulator(
     for piece in pieces:
         say("evaluate")
         evidence = residuals_of(piece, simulator)
+        _warn_of_idle(simulator, evidence)
         units |= evidence.units
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
             for k, name in enumerate(evidence.trajectories):
@@ -85,3 +88,15 @@ def evaluate_simulator(
                     windows = Residual(time, value[:, None], measured[:, None], noise[:, None])
                     sums.setdefault(equation, {}).setdefault(name, Sums()).add(windows)
     return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})
+
+
+def _warn_of_idle(simulator: Simulator, evidence: PortEvidence) -> None:
+    """Warn of effects of the simulator that a log leaves without anything to act on."""
+    for name, where, _ in () if simulator.states_equation else simulator.effects:
+        if f"{name}@{where}" not in evidence.placements:
+            warnings.warn(
+                f"The simulator's own effect {name} at {where} cannot act on this log, where nothing moves there: the "
+                "simulator is evaluated without it.",
+                SimulatorWarning,
+                stacklevel=3,
+            )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -92,7 +92,7 @@ def _rank(name: str) -> tuple[bool, str]:
 def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list[str]:
     """Return the keys of a choice among the library."""
     if isinstance(effects, str) and effects == "all":
-        return list(found)
+        return _without_sums(found, found)
     wanted = [effects] if isinstance(effects, str) else list(effects)
     library, known = all_effects(), port_effects()
     keys: list[str] = []
@@ -105,7 +105,14 @@ def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list
                 "Correct the name.",
             )
         keys += own
-    return list(dict.fromkeys(keys))
+    return _without_sums(dict.fromkeys(keys), found)
+
+
+def _without_sums(keys: Iterable[str], found: Mapping[str, Placement]) -> list[str]:
+    """Return a choice without frictions by direction that are the sum of a Coulomb friction and an offset in it."""
+    some = [found[k] for k in keys]
+    dry = {p.port for p in some if p.name == "coulomb_friction" and any(o.name == "actuator_bias" for o in some)}
+    return [p.key for p in some if p.name != "directional_friction" or p.port not in dry]
 
 
 # --- the kinds of ports -------------------------------------------------------------------------------------
@@ -164,7 +171,9 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if kind != "joint" or ("pressure" in effect.roles and not without_pressure(effect)):
+            if kind != "joint" or not set(effect.roles) <= {"position", "velocity", "pressure"}:
+                continue
+            if "pressure" in effect.roles and not without_pressure(effect):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)

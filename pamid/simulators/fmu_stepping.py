@@ -14,8 +14,8 @@ _WARNING = 1
 
 def _well(status: int, what: str, time: float) -> None:
     """Raise where a call has failed."""
-    if status > _WARNING:
-        word = _STATUS[status] if status < len(_STATUS) else str(status)
+    if not 0 <= status <= _WARNING:
+        word = _STATUS[status] if 0 <= status < len(_STATUS) else str(status)
         raise FailedStepError(f"{what} at {time:g} s returned the status {word}")
 
 

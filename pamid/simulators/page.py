@@ -28,6 +28,11 @@ from .between import ends_of, place_name, read_between
 from .ports import ModelParameter, Port
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
+_FITTING = {
+    "input": ("input",), "output": ("state", "output"), "joint": ("joint", "state", "output"),
+    "chamber": ("chamber", "state", "output"), "parameter": ("parameter",),
+}  # fmt: skip
+"""Ports at which the effects of a kind can act; a state or output may be a joint or chamber that nobody declared."""
 _TABLES = ("ports", "parameters", "between", "effects")
 MODELS = (".xml", ".fmu")
 """Endings of models that are read without a page."""
@@ -135,6 +140,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
                 "Read that code, then add --trust (in Python: trust=True).",
             )
         made = known[kind].from_page(kind, table, ports, numbers, effects, path.parent)
+        _refuse_misplaced(made)
         return made.with_(between=between) if between else made
     except (SimulatorFileError, ParameterError) as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
@@ -201,19 +207,36 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
         name, where, known = e.get("effect"), place_name(e.get("at")), port_effects()
         if name not in known:
             raise UnknownOptionError(f"[[effects]] has {name!r}.", f"one of {', '.join(known)}", "Correct effect.")
+        if where is None:
+            raise MissingParameterError(
+                f"The effect {name} has no port.", 'at = "PORT", or at = ["A", "B"] between two', "Say where it acts."
+            )
         parameters = [p.name for p in known[name][1].parameters]
         if extra := sorted(set(values) - set(parameters)):
             raise UnknownParameterError(
                 f"The effect {name} has no {', '.join(extra)}.", f"only {', '.join(parameters)}", "Correct it."
             )
-        if where is None:
-            raise MissingParameterError(
-                f"The effect {name} has no port.", 'at = "PORT", or at = ["A", "B"] between two', "Say where it acts."
-            )
         if wrong := [k for k, v in values.items() if isinstance(v, bool) or not isinstance(v, (int, float))]:
             raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is not a number.", "a number", "Correct it.")
         found.append((name, where, {k: float(v) for k, v in values.items()}))
     return found
+
+
+def _refuse_misplaced(simulator: Simulator) -> None:
+    """Raise where an effect is at a port of a kind at which it never acts."""
+    from .catalogue import port_effects
+
+    kinds = {p.name: p.kind for p in simulator.ports} | dict.fromkeys(simulator.parameters, "parameter")
+    for name, where, _ in simulator.effects:
+        kind, known = kinds.get(where), port_effects()
+        fit = _FITTING.get(known[name][0] if name in known else "", ())
+        if kind is not None and fit and kind not in fit:
+            there = [n for n, k in kinds.items() if k in fit]
+            raise UnknownOptionError(
+                f"The effect {name} is at {where!r}, a port of the kind {kind}.",
+                f"one of {', '.join(there)}" if there else f"a port of the kind {' or '.join(fit)}",
+                "Correct 'at' under [[effects]].",
+            )
 
 
 def page_text(simulator: Simulator, folder: str | Path = ".") -> str:

@@ -111,8 +111,8 @@ class Placement:
                 continue
             unit, factor = self.units.get(p.name, p.unit), self.factor(p.name)
             sized = unit != "-" or bool(self.powers.get(p.name))
-            low, high = (0.0 if p.lower >= 0.0 else -np.inf, np.inf) if sized else (p.lower * factor, p.upper * factor)
-            outward = replace(p, unit=unit, lower=low, upper=high)
+            outward = replace(p, unit=unit, lower=p.lower * factor, upper=p.upper * factor)
+            outward = outward.of_any_size() if sized else outward
             out.values[p.name] = checked_value(named, outward, values[p.name]) / factor
             setattr(out, p.name, out.values[p.name])
         return out

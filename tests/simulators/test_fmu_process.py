@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from pamid.errors import ForeignSimulatorError
-from pamid.simulators import fmu_model, workers
+from pamid.errors import ForeignSimulatorError, SimulatorRunError
+from pamid.export.ode_fmu import ode_fmu
+from pamid.simulators import FmuSimulator, fmu_model, workers
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="groups of processes")
 PARENT = """
@@ -87,3 +92,33 @@ def test_a_worker_imports_nothing_from_the_folder_of_the_user(tmp_path: Path) ->
     process = workers.started("pamid.simulators.fmu_worker", "none.fmu", str(2**32), str(tmp_path / "made"),
                               cwd=tmp_path, stdin=subprocess.DEVNULL, stderr=subprocess.PIPE)  # fmt: skip
     assert b"was run" not in process.communicate()[1]
+
+
+@pytest.mark.parametrize(
+    ("inside", "error"),
+    [("return 2;", "status Discard"), ("return 3;", "status Error"), ("return -1;", "status -1"),
+     ("((Instance *)instance)->v[1] = 0.0 / 0.0; return 0;", "z at 0.4 s is nan"),
+     ("__builtin_trap();", "exit code -")],
+    ids=["discards", "fails", "no status", "no number", "dies"],
+)  # fmt: skip
+def test_a_step_that_fails_is_told_with_its_time_or_exit(inside: str, error: str, tmp_path: Path) -> None:
+    """What an FMU returns is no number of a comparison then."""
+    pytest.importorskip("fmpy")
+    compiler = shutil.which("cc") or shutil.which("gcc")
+    if compiler is None:
+        pytest.skip("needs a C compiler")
+    made = ode_fmu("a", lambda t, x, u, p: [u.go], {"y": 0.0}, {"go": 0.0}, {}, lambda t, x, u, p: {"z": x.y})
+    with zipfile.ZipFile(io.BytesIO(made)) as whole:
+        parts = {name: whole.read(name) for name in whole.namelist()}
+    begin = b"int no_set_back)\n{"
+    [source], [library] = ([n for n in parts if n.startswith(f)] for f in ("sources/", "binaries/"))
+    assert parts[source].count(begin) == 1
+    code = parts[source].replace(begin, begin + f" if (now > 0.25) {{ {inside} }} ".encode())
+    (tmp_path / "a.c").write_bytes(code)
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", "a.so", "a.c", "-lm"], cwd=tmp_path, check=True)
+    with zipfile.ZipFile(tmp_path / "a.fmu", "w") as whole:
+        for name, data in parts.items():
+            whole.writestr(name, (tmp_path / "a.so").read_bytes() if name == library else data)
+    simulator = FmuSimulator(tmp_path / "a.fmu", trust=True)
+    with pytest.raises((SimulatorRunError, ForeignSimulatorError), match=error):
+        simulator.run(np.arange(0, 1, 0.1), np.ones((1, 10)), np.zeros(0), np.zeros(0))

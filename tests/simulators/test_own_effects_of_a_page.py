@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.errors import ImplausibleParameterError, UnknownOptionError
+from pamid.errors import ImplausibleParameterError, SimulatorWarning, UnknownOptionError
+from pamid.gap import evaluate_simulator
 from pamid.gap.simulated import evidence_of
-from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators import FunctionSimulator, Port, read_simulator
+from pamid.simulators.catalogue import chosen
 
 
 def cart(*effects: tuple[str, str, dict[str, float]]) -> FunctionSimulator:
@@ -45,3 +49,68 @@ def test_an_unknown_port_is_refused_with_those_that_the_effect_can_have() -> Non
     with pytest.raises(UnknownOptionError, match="'w', which is no port") as error:
         evidence_of(log(2.0), cart(("viscous_friction", "w", {"coefficient": 1.0})))
     assert "one of x" in str(error.value)
+
+
+def test_what_is_positive_is_not_zero_and_has_a_finite_square() -> None:
+    with pytest.raises(ImplausibleParameterError, match=r"is 0 s\. Expected more than 0 s"):
+        evidence_of(log(2.0), cart(("actuator_lag", "u", {"time_constant": 0.0})))
+    with pytest.raises(ImplausibleParameterError, match=r"is 1e\+300 s"):
+        evidence_of(log(2.0), cart(("actuator_delay", "u", {"delay": 1e300})))
+
+
+PAGE = """kind = "equations"
+[equations]
+"dx/dt" = "v"
+"dv/dt" = "(u - c*v)/m"
+[ports]
+u = {{ kind = "input", unit = "N" }}
+x = {{ kind = "state", unit = "m" }}
+v = {{ kind = "state", unit = "m/s" }}
+rail = {{ kind = "joint", unit = "N", position = "x", velocity = "v", through = "u" }}
+[parameters]
+m = {{ value = 2.0, unit = "kg" }}
+c = {{ value = 0.0, unit = "N s/m" }}
+[[effects]]
+effect = "{}"
+at = "{}"
+"""
+
+
+@pytest.mark.parametrize(
+    ("effect", "at", "expected"),
+    [("coulomb_friction", "u", "one of x, v, rail"), ("sensor_bias", "u", "one of x, v"),
+     ("actuator_gain", "x", "one of u"), ("viscous_friction", "m", "one of x, v, rail"),
+     ("parameter_deviation", "rail", "one of m, c"), ("leakage", "rail", "one of x, v")],
+)  # fmt: skip
+def test_an_effect_at_a_port_of_another_kind_is_refused(effect: str, at: str, expected: str, tmp_path: Path) -> None:
+    page = tmp_path / "sim.toml"
+    page.write_text(PAGE.format(effect, at), encoding="utf-8")
+    with pytest.raises(UnknownOptionError, match=f"is at '{at}', a port of the kind") as error:
+        read_simulator(page)
+    assert expected in str(error.value)
+
+
+def test_an_effect_that_a_log_leaves_without_motion_is_told(tmp_path: Path) -> None:
+    page = tmp_path / "sim.toml"
+    page.write_text(PAGE.format("actuator_dead_zone", "u") + "width = 0.1\n", encoding="utf-8")
+    with pytest.warns(SimulatorWarning, match="actuator_dead_zone at u cannot act on this log"):
+        evaluate_simulator(log(2.0).assign(u=0.0), read_simulator(page))
+
+
+def test_a_friction_by_direction_acts_where_no_pressure_is_logged(tmp_path: Path) -> None:
+    """It adds to the push by half the sum of both, and shifts it by half their difference."""
+    page = tmp_path / "sim.toml"
+    page.write_text(PAGE.format("directional_friction", "rail") + "forward = 0.4\nbackward = 0.2\n", encoding="utf-8")
+    evidence = evidence_of(log(2.0), read_simulator(page))
+    [(place, made)] = evidence.active({})
+    assert place.force(made, place.signals({"x": np.zeros(2)}), np.array([[1.0, -1.0]])) == pytest.approx([-0.4, 0.2])
+
+
+def test_a_friction_by_direction_is_not_sought_beside_an_offset_and_coulomb_friction() -> None:
+    """It is the sum of both."""
+    found = evidence_of(log(2.0), cart()).placements
+    keys = chosen(found, "all")
+    assert "coulomb_friction@x" in keys and not any(k.startswith(("directional_friction", "torque_loss")) for k in keys)
+    assert chosen(found, ["directional_friction", "coulomb_friction"]) == [
+        "directional_friction@x", "coulomb_friction@x",
+    ]  # fmt: skip
