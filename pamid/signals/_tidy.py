@@ -12,6 +12,7 @@ import numpy as np
 from pamid.errors import ColumnTypeError, DuplicateColumnError, EmptyLogError, MappingError, MissingColumnError
 
 from .formats import TRAJECTORY, names_column
+from .formats._lists import list_elements
 from .mapping import LogMapping, SignalMapping
 from .robots import with_own_clock
 from .stamps import seconds_of_stamps
@@ -147,10 +148,11 @@ def _by_own_names(
             "'pamid init' writes one.",
         )
     signals: dict[str, SignalMapping] = {}
+    elements = list_elements(map(str, raw.columns))
     for position, column in enumerate(raw.columns):
         if position == skip:
             continue
-        match = _NAME_WITH_UNIT.match(str(column))
+        match = None if column in elements else _NAME_WITH_UNIT.match(str(column))
         name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
         text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
         if text and dimension_of(name) is None and not pd.api.types.is_datetime64_any_dtype(raw.iloc[:, position]):
@@ -169,7 +171,8 @@ def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str,
     """Return the columns with the name of a signal and an unknown unit in brackets."""
     if mapping.signals:
         return {}
-    found = {name: match for name in signals if (match := _NAME_WITH_UNIT.match(name))}
+    elements = list_elements(signals)
+    found = {n: match for n in signals if n not in elements and (match := _NAME_WITH_UNIT.match(n))}
     return {
         name: f"not read as {match[1]}, since '{match[2][:20]}' is not a known unit"
         for name, match in found.items()

@@ -104,3 +104,35 @@ def test_a_corrected_page_takes_any_name_of_a_column(tmp_path: Path) -> None:
     (tmp_path / "sim.toml").write_text(page_text(sim, tmp_path))
     again = read_simulator(tmp_path / "sim.toml", trust=True)
     assert next(p for p in again.ports if p.name == "u").column == column
+
+
+def test_matrices_and_tables_beside_a_clock_are_columns(tmp_path: Path) -> None:
+    """Of as many rows; others are told, and a group within itself is read once."""
+    h5py = pytest.importorskip("h5py")
+    table = np.zeros(50, dtype=[("i", "f8"), ("n", "i4")])
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["time"], file["q"], file["motor"], file["drive/u"] = T, np.stack([X, T], axis=1), table, X
+        file["turned"], file["mode"], file["none"] = np.zeros((3, 50)), ["on"] * 50, h5py.Empty("f8")
+        file["drive/again"] = file["drive"]
+    with pytest.warns(ReadingWarning) as told:
+        log = read_log(tmp_path / "log.h5")
+    assert set(log) == {"trajectory", "time", "q[0]", "q[1]", "motor/i", "motor/n", "drive/u"}
+    np.testing.assert_array_equal(log["q[1]"], T)
+    said = " ".join(str(w.message) for w in told)
+    for lost in ("'turned' (3 x 50, others 50 rows)", "'mode' (not numbers)", "'none' (empty)"):
+        assert lost in said
+
+
+def test_a_matrix_in_a_group_is_columns_of_its_table(tmp_path: Path) -> None:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        run = file.create_group("run")
+        run["time"], run["x"], run["q"], run["note"], run["odd"] = T, X, np.stack([X, T], axis=1), "cold", np.eye(3)
+    with pytest.warns(ReadingWarning, match=r"'run/odd' \(3 x 3\) left out"):
+        assert list(read_log(tmp_path / "log.h5"))[1:] == ["time", "x", "q[0]", "q[1]"]
+
+
+def test_the_1_of_a_lists_element_is_no_unit(tmp_path: Path) -> None:
+    rows = "\n".join(f"{t},{x},{-x},{2 * x}" for t, x in zip(T, X, strict=True))
+    (tmp_path / "log.csv").write_text(f"time,q[0],q[1],eps [1]\n{rows}\n")
+    assert list(read_log(tmp_path / "log.csv"))[1:] == ["time", "q[0]", "q[1]", "eps"]

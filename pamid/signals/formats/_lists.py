@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,17 @@ if TYPE_CHECKING:
 LONGEST = 64
 """Most numbers of one list that become columns."""
 _LIST = re.compile(r"^\s*[\[(]\s*([^\[\]()]*?)\s*[\])]\s*$")
+_ELEMENT = re.compile(r"^(.*\S)\[\d+\]$")
 _BETWEEN = re.compile(r"[,;\s]+")
+
+
+def list_elements(columns: Iterable[str]) -> set[str]:
+    """Return the columns that are elements of one list, such as ``q[0]`` and ``q[1]``: the 1 is no unit."""
+    stems: dict[str, list[str]] = {}
+    for name in columns:
+        if match := _ELEMENT.match(name):
+            stems.setdefault(match[1], []).append(name)
+    return {name for names in stems.values() if len(names) > 1 for name in names}
 
 
 def unfolded(frame: pd.DataFrame, names: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:

@@ -12,6 +12,7 @@ import numpy as np
 from pamid.errors import HostileLogError, MappingError, MissingColumnError
 
 from . import RawTable
+from ._lists import LONGEST
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,12 +64,9 @@ def as_frame(value: Any, name: str) -> pd.DataFrame | None:
     import pandas as pd
 
     if isinstance(value, Mapping):
-        vectors = {
-            k: np.ravel(v) for k, v in value.items() if np.ndim(v) <= 2 and np.size(v) == max(np.shape(v), default=1)
-        }
-        length = max((len(v) for v in vectors.values()), default=0)
-        vectors = {k: v for k, v in vectors.items() if len(v) == length}
-        return pd.DataFrame(vectors) if length > 1 else None
+        rows = [np.size(v) for v in value.values() if np.size(v) == max(np.shape(v), default=1)]
+        columns = {k: x for name, v in value.items() for k, x in columns_of(str(name), v, max(rows, default=0)).items()}
+        return pd.DataFrame(columns) if max(rows, default=0) > 1 else None
     array = np.asarray(value)
     if array.dtype.names is not None and array.ndim <= 2:
         return as_frame({k: array.ravel()[k] for k in array.dtype.names}, name)
@@ -77,6 +75,33 @@ def as_frame(value: Any, name: str) -> pd.DataFrame | None:
     if array.ndim == 2:
         return pd.DataFrame(array)
     return None
+
+
+def columns_of(name: str, value: Any, rows: int) -> dict[str, np.ndarray]:
+    """Return a variable with a number for each row as columns: one, or ``name[0]``, ...; none where it has others."""
+    array = np.asarray(value)
+    if array.dtype.names is not None:
+        parts = {f"{name}/{field}": array[field] for field in array.dtype.names}
+        return {k: x for part, v in parts.items() for k, x in columns_of(part, v, rows).items()}
+    if array.ndim <= 2 and array.size == rows == max(array.shape, default=1):
+        return {name: array.ravel()}
+    if array.ndim == 2 and len(array) == rows and array.shape[1] <= LONGEST:
+        return {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
+    return {}
+
+
+def _beside(name: str, value: Any, rows: int) -> dict[str, np.ndarray]:
+    """Return a matrix or table as further columns of others; none where it has a clock or rows of its own."""
+    if not isinstance(value, Mapping):
+        return columns_of(name, value, rows)
+    if "time" in value:
+        return {}
+    return {k: x for part, v in value.items() for k, x in columns_of(f"{name}/{part}", v, rows).items()}
+
+
+def _extent(value: Any) -> str:
+    """Return the size of a variable in words."""
+    return "a table of its own" if isinstance(value, Mapping) else " x ".join(map(str, np.shape(value)))
 
 
 def tables(
@@ -105,6 +130,12 @@ def tables(
         length = max(len(v) for v in vectors.values())
         columns = {k: v for k, v in vectors.items() if len(v) == length}
         if not result or "time" in columns:
+            for name in [table.variable for table in result]:
+                more = _beside(name, variables[name], length)
+                columns |= more
+                lost = (
+                    lost if more else [*lost, f"'{name}' ({_extent(variables[name])}, others {length} rows) left out"]
+                )
             result = [RawTable(pd.DataFrame(columns), head=head)]
             others = {k: len(v) for k, v in vectors.items() if length // 2 < len(v) < length}
             if others:

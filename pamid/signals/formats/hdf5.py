@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 _REFUSED = "links, data in other files and complex numbers are not read: save plain real arrays"
+_TEXT = "not numbers"
 _SHOWN = 4
 
 
@@ -33,6 +34,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             found: dict[str, Any] = {}
             refused: list[str] = []
             collect(file, "", found, refused, depth=0)
+            silent = f"({_TEXT})" if matlab else f"'{_wanted(mapping)}' ({_TEXT})"
+            refused = [r for r in refused if not r.endswith(silent)]
             of_names = _names_variable(file, mapping, path, max_bytes, matlab) if not _has_names(found, mapping) else {}
             if not found:
                 raise HostileLogError(
@@ -131,13 +134,19 @@ def _links(group: h5py.Group) -> list[str]:
 
 def _refused(item: Any) -> str:
     """Return what prevents reading a data set's numbers; empty if nothing does."""
+    if item.shape is None:
+        return "empty"
     if _is_virtual(item):
         return "virtual" if item.is_virtual else "external"
-    return "complex" if item.dtype.kind == "c" else ""
+    if item.dtype.kind == "c" or (item.dtype.names and any(item.dtype[n].kind == "c" for n in item.dtype.names)):
+        return "complex"
+    return ""
 
 
-def collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int) -> None:
-    """Note numeric data sets by their path; a group that holds only vectors is one table."""
+def collect(
+    group: h5py.Group, prefix: str, found: dict[str, Any], refused: list[str], depth: int, above: tuple[Any, ...] = ()
+) -> None:
+    """Note numeric data sets by their path; a group of vectors and matrices of as many rows is one table."""
     import h5py
 
     if depth > 8:
@@ -148,26 +157,35 @@ def collect(group: h5py.Group, prefix: str, found: dict[str, Any], refused: list
         if isinstance(item, h5py.Dataset):
             if kind := _refused(item):
                 refused.append(f"'{path}' ({kind})")
-            elif not _numeric(item.dtype):
-                continue
-            else:
+            elif _numeric(item.dtype):
                 found[path] = item
-        elif isinstance(item, h5py.Group):
+            elif item.size > 1:
+                refused.append(f"'{path}' ({_TEXT})")
+        elif isinstance(item, h5py.Group) and item not in (group, *above):  # else it is within itself
             inner = _children(item)
             sets = {k: v for k, v in inner.items() if isinstance(v, h5py.Dataset) and _vector(v)}
-            usable = {k: v for k, v in sets.items() if _numeric(v.dtype) or h5py.check_string_dtype(v.dtype)}
-            if (
-                usable
-                and len({v.size for v in usable.values()}) == 1
-                and not any(isinstance(v, h5py.Group) for v in inner.values())
-            ):
+            usable = {
+                k: v for k, v in sets.items() if v.size > 1 and (_numeric(v.dtype) or h5py.check_string_dtype(v.dtype))
+            }
+            sizes = {v.size for v in usable.values()}
+            if len(sizes) == 1 and not any(isinstance(v, h5py.Group) for v in inner.values()):
+                usable |= {k: v for k, v in inner.items() if k not in usable and _is_block(v, max(sizes))}
                 found[path] = usable
-                kinds = {k: kind for k, v in inner.items() if (kind := _refused(v))} | dict.fromkeys(
-                    _links(item), "a link"
-                )
+                kinds = {k: kind for k, v in inner.items() if k not in usable and (kind := _refused(v) or _shape(v))}
+                kinds |= dict.fromkeys(_links(item), "a link")
                 refused.extend(f"'{path}/{k}' ({kind})" for k, kind in kinds.items())
             else:
-                collect(item, f"{path}/", found, refused, depth + 1)
+                collect(item, f"{path}/", found, refused, depth + 1, (*above, group))
+
+
+def _is_block(item: h5py.Dataset, rows: int) -> bool:
+    """Return whether a data set is a matrix with so many rows, as it is or transposed."""
+    return not _refused(item) and _numeric(item.dtype) and item.ndim == 2 and rows in item.shape
+
+
+def _shape(item: h5py.Dataset) -> str:
+    """Return the size of an array of numbers; empty for a single one."""
+    return " x ".join(map(str, item.shape)) if _numeric(item.dtype) and item.size > 1 else ""
 
 
 def _numeric(dtype: np.dtype) -> bool:
