@@ -25,8 +25,8 @@ FIXTURE_SECONDS = 5.0
 """CPU seconds of a fixture above which all tests that need it are slow."""
 
 
-DRAWN = ("report", "docs", "systems", "survey")
-"""Rooms whose tests look at pictures of reports, or run every command with every kind of simulator."""
+DRAWN = ("report", "test_browser", "test_check", "test_commands_by_kind", "test_commands_at_ports", "test_first_screen")
+"""Rooms and modules whose tests look at pictures of reports, or draw them for every kind of simulator."""
 
 
 @pytest.fixture(scope="session")
@@ -41,9 +41,9 @@ def log() -> pd.DataFrame:
 
 @pytest.fixture(autouse=True, scope="module")
 def _quick_reports(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Leave the drawing of reports, which takes most of a small diagnosis, to the rooms that look at them."""
+    """Leave the drawing of reports, which takes most of a small diagnosis, to the tests that look at them."""
     with pytest.MonkeyPatch.context() as patch:
-        if request.path.parent.name not in DRAWN:
+        if not {request.path.parent.name, request.path.stem} & set(DRAWN):
             patch.setattr("pamid.report.svg.inline_svg", _undrawn)
         yield
 
