@@ -5,12 +5,22 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE / "_ext"))
 os.environ.setdefault("MPLBACKEND", "Agg")
 
+from numpydoc import docscrape_sphinx  # noqa: E402
+
 import pamid  # noqa: E402
+
+# numpydoc makes its environment anew for every docstring, and with it its one template.
+_environments: dict[type, Any] = {}
+_new_environment = docscrape_sphinx.SandboxedEnvironment
+docscrape_sphinx.SandboxedEnvironment = lambda loader: _environments.setdefault(
+    type(loader), _new_environment(loader=loader)
+)
 
 project = "pamid"
 author = "The pamid developers"

@@ -177,7 +177,7 @@ MOTOR = FunctionSimulator(
 def turned(seed: int, damping: float) -> pd.DataFrame:
     """A motor whose damping, which its simulator lacks, changes its motion many times over."""
     found = []
-    for k in range(3):
+    for k in range(2):
         rng, t, w, phi, rows = np.random.default_rng([seed, k]), np.arange(0, 6, 0.02), 0.0, 0.0, []
         rates, phases = 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
         volt = 2.5 * sum(np.sin(r * t + p) - np.sin(p) for r, p in zip(rates, phases, strict=True))
