@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Iterator
+from functools import wraps
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -44,7 +45,9 @@ def _quick_reports(request: pytest.FixtureRequest) -> Iterator[None]:
     """Leave the drawing of reports, which takes most of a small diagnosis, to the tests that look at them."""
     with pytest.MonkeyPatch.context() as patch:
         if not {request.path.parent.name, request.path.stem} & set(DRAWN):
-            patch.setattr("pamid.report.svg.inline_svg", _undrawn)
+            from pamid.report import svg
+
+            patch.setattr(svg, "inline_svg", wraps(svg.inline_svg)(_undrawn))
         yield
 
 
