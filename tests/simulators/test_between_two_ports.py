@@ -255,13 +255,13 @@ def test_a_play_put_on_runs_as_the_drive_with_play() -> None:
     """A page's own backlash is that of an independent integration of motor, belt with play, and load."""
     log = logged(
         DRIVE, driven(play=PLAY), [0.0] * 4, [two_sines(0.5, 0.6, 0.3, 2.3, 0.0)],
-        dict.fromkeys(("qm", "ql", "wm", "wl"), 0.0), 1e-3, 1.0, 0,
+        dict.fromkeys(("qm", "ql", "wm", "wl"), 0.0), 1e-3, 0.5, 0,
     )  # fmt: skip
     evidence = evidence_of(log, DRIVE.with_({}, [("backlash", "motor and load", {"half_width": PLAY})]))
     t, u, p = log["time"].to_numpy(), log["torque"].to_numpy(), DRIVE.numbers[:, None]
     off, across = [], log["qm"] - BELT * log["ql"]
     for acting in (evidence.active({}), []):
-        runner = Runner(DRIVE, 1e-3, evidence.joints, substeps=20)
+        runner = Runner(DRIVE, 1e-3, evidence.joints, substeps=5)
         x = runner.states(t[:, None], np.zeros((4, 1)), u[:, None, None], p, acting)[:, :, 0]
         off.append(np.max(np.abs(across - (x[:, 0] - BELT * x[:, 1]))) / np.ptp(across))
     assert off[0] < 0.01 < 0.2 < off[1]
