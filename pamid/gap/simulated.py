@@ -229,7 +229,8 @@ def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:
     spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
     none = {k: -v for k, v in zip(evidence.free, map(float, evidence.about), strict=True)}
     own = {k: v for k, v in found.deviations.items() if k in evidence.given.parameters}
-    allowed = {k: v for k, v in found.deviations.items() if k not in own and v != none[k]}
+    # Steps that a fit allowed for are set aside in evidence that needs none of them.
+    allowed = {k: v for k, v in found.deviations.items() if k not in own and v != none.get(k, v)}
     if not allowed:
         return found.closure
     parts = dict(zip(evidence.equations, evidence.parts, strict=True))

@@ -145,7 +145,7 @@ class FunctionSimulator(Simulator):
                 out = np.empty((len(names), n))
                 with contextlib.suppress(TypeError, ValueError):  # reported below
                     for row, values in zip(out, answer, strict=True):
-                        row[:] = values
+                        row[:] = _real(values)
                     return out
             out = _rows(answer, names, function)
             return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
@@ -340,11 +340,25 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
             "Return all, in order.",
         )
     try:
-        return np.stack(np.broadcast_arrays(*[np.asarray(r, dtype=float) for r in rows]))
+        return np.stack(np.broadcast_arrays(*map(_real, rows)))
     except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(
             f"{_name(function)} did not return plain numbers ({error}).", "numbers", "Correct it."
         ) from None
+
+
+def _real(values: Any) -> np.ndarray:
+    """Return real numbers, NaN where masked; raise for text, None and imaginary parts, which numpy would take."""
+    x = np.ma.filled(values.astype(float), np.nan) if isinstance(values, np.ma.MaskedArray) else np.asarray(values)
+    if x.dtype.kind == "c" and not x.imag.any():
+        x = x.real
+    if x.dtype.kind == "O":
+        wrong = [v for v in x.flat if v is None or isinstance(v, (str, bytes, complex))]
+    else:
+        wrong = [] if x.dtype.kind in "biuf" else list(x.flat[:1])
+    if wrong:
+        raise TypeError(f"{str(wrong[0])[:40]!r} is no real number")
+    return x.astype(float, copy=False)
 
 
 def _count(answer: Any, rows: list[Any], names: tuple[str, ...]) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -9,7 +11,7 @@ import pytest
 from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.between_rows import STEPS, steps_taken
 from pamid.gap.residuals.direct import DirectEvidence
-from pamid.gap.simulated import evidence_of
+from pamid.gap.simulated import _by_itself, evidence_of
 from pamid.simulators import FunctionSimulator, MujocoSimulator, Port
 
 DT, STIFFNESS, MASS, DAMPING, FRICTION = 5e-3, 200.0, 1.0, 2.0, 3.0
@@ -202,3 +204,10 @@ def test_curves_within_a_step_are_no_residual(monkeypatch: pytest.MonkeyPatch) -
     assert left() < 1.2
     monkeypatch.setattr(DirectEvidence, "_bent", lambda self, rates, ends: 0.0 * rates)
     assert left() > 3.0
+
+
+def test_steps_that_the_evidence_has_set_aside_are_nothing_to_allow_for() -> None:
+    """A fit to a part of a log may have needed them."""
+    evidence = SimpleNamespace(free=("d",), about=np.zeros(1), given=SimpleNamespace(parameters={"d": None}))
+    found = SimpleNamespace(added=[], deviations={"d": 0.1, STEPS: 0.2}, closure=["as it was"])
+    assert _by_itself(evidence, found) == ["as it was"]
