@@ -173,7 +173,7 @@ class FmuSimulator(Simulator):
         plain = {name: own for own, name in self._names.items()}
         taken = {p.name for p in self.ports}
         return [
-            Port(plain[v["name"]], "state", v["unit"])
+            Port(plain[v["name"]], "state", v["unit"], start=_start(v))
             for v in self.described["variables"]
             if v.get("state") and v["type"] in _NUMERIC and plain[v["name"]] not in taken
         ]

@@ -122,3 +122,11 @@ def test_a_step_that_fails_is_told_with_its_time_or_exit(inside: str, error: str
     simulator = FmuSimulator(tmp_path / "a.fmu", trust=True)
     with pytest.raises((SimulatorRunError, ForeignSimulatorError), match=error):
         simulator.run(np.arange(0, 1, 0.1), np.ones((1, 10)), np.zeros(0), np.zeros(0))
+
+
+def test_states_begin_at_the_start_values_of_the_description(tmp_path: Path) -> None:
+    """Where no column reads them: a tank that `next` fills from 0 leaves the range of its log."""
+    pytest.importorskip("fmpy")
+    rates = ode_fmu("tank", lambda t, x, u, p: [u.q - x.h], {"h": 0.5}, {"q": 0.0}, {}, lambda t, x, u, p: {"y": x.h})
+    (tmp_path / "tank.fmu").write_bytes(rates)
+    assert [(p.name, p.start) for p in FmuSimulator(tmp_path / "tank.fmu").own_states()] == [("h", 0.5)]
