@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from pamid.errors import DuplicateColumnError, MissingColumnError, ReadingWarning
+from pamid.errors import DuplicateColumnError, MissingColumnError, NonFiniteError, ReadingWarning
 from pamid.signals import read_log
 from pamid.toml_files import toml_key, toml_value
 
@@ -136,3 +137,16 @@ def test_the_1_of_a_lists_element_is_no_unit(tmp_path: Path) -> None:
     rows = "\n".join(f"{t},{x},{-x},{2 * x}" for t, x in zip(T, X, strict=True))
     (tmp_path / "log.csv").write_text(f"time,q[0],q[1],eps [1]\n{rows}\n")
     assert list(read_log(tmp_path / "log.csv"))[1:] == ["time", "q[0]", "q[1]", "eps"]
+
+
+def test_lists_in_json_are_columns_and_other_objects_are_told(tmp_path: Path) -> None:
+    rows = [{"time": t, "q": [t, -t], "arm": {"a": 1}} for t in T.tolist()]
+    (tmp_path / "log.json").write_text(json.dumps(rows))
+    with pytest.warns(ReadingWarning, match=r"log.json: 'arm' left out \(objects"):
+        assert list(read_log(tmp_path / "log.json"))[1:] == ["time", "q[0]", "q[1]"]
+
+
+def test_a_whole_number_beyond_every_float_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "log.json").write_text(json.dumps({"time": T.tolist(), "x": [10**400, *T[1:].tolist()]}))
+    with pytest.raises(NonFiniteError, match="infinite values in 1 rows of x"):
+        read_log(tmp_path / "log.json")

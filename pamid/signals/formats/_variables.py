@@ -130,12 +130,11 @@ def tables(
         length = max(len(v) for v in vectors.values())
         columns = {k: v for k, v in vectors.items() if len(v) == length}
         if not result or "time" in columns:
-            for name in [table.variable for table in result]:
-                more = _beside(name, variables[name], length)
+            for other in (table.variable or "" for table in result):
+                more = _beside(other, variables[other], length)
                 columns |= more
-                lost = (
-                    lost if more else [*lost, f"'{name}' ({_extent(variables[name])}, others {length} rows) left out"]
-                )
+                if not more:
+                    lost = [*lost, f"'{other}' ({_extent(variables[other])}, others {length} rows) left out"]
             result = [RawTable(pd.DataFrame(columns), head=head)]
             others = {k: len(v) for k, v in vectors.items() if length // 2 < len(v) < length}
             if others:

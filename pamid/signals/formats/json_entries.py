@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from pamid.errors import DuplicateColumnError, HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
 
 from . import Format, RawTable
+from ._lists import unfolded
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +27,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "Convert it to parquet, or raise max_bytes.",
         )
     try:
-        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_of_pairs)
+        document = json.loads(path.read_text(encoding="utf-8-sig"), object_pairs_hook=_of_pairs, parse_int=_of_digits)
     except DuplicateColumnError as error:
         raise DuplicateColumnError(f"{path.name}: {error.found}", error.expected, error.remedy) from None
     except (ValueError, RecursionError) as error:  # a ValueError also of numbers of thousands of digits
@@ -48,9 +49,15 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
         raise LogFormatError(
             f"{path.name}: the entries are not all objects.", "a list of objects, one per sample", "Correct the file."
         )
-    frame = _frame(entries, path)
-    scalar = [c for c in frame.columns if not frame[c].map(lambda v: isinstance(v, list | dict)).any()]
-    return [RawTable(frame[scalar], head=head)], None
+    frame = unfolded(_frame(entries, path))
+    nested = [c for c in frame.columns if frame[c].map(lambda v: isinstance(v, list | dict)).any()]
+    lost = (f"{', '.join(repr(str(c)) for c in nested[:4])} left out (objects, or lists of several lengths)",)
+    return [RawTable(frame.drop(columns=nested), head=head, lost=lost if nested else ())], None
+
+
+def _of_digits(text: str) -> int | float:
+    """Return a whole number; one of more digits than 64 bits hold is a float, which may be infinite."""
+    return int(text) if len(text) < 20 else float(text)
 
 
 def _of_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
