@@ -11,7 +11,7 @@ from ..equations.evaluate import LogEvaluation, Sums, summed
 from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
-from .one_equation import equation_of, evidence_on, noise_of
+from .one_equation import equation_of, evidence_on
 from .simulated import evidence_of
 
 if TYPE_CHECKING:
@@ -25,8 +25,7 @@ def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     if not simulator.states_equation:
         return evidence_of(log, simulator)
     problem = simulator.problem(log)
-    noise = noise_of(problem, problem.fitted or simulator, log)
-    return evidence_on(problem, equation_of(problem), simulator, noise=noise)
+    return evidence_on(problem, equation_of(problem), simulator)
 
 
 def evaluate_simulator(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects import Plant
-from ..equations.noise import channel_noise
 from ..errors import ExcitationError, ShortTrajectoryError, TimeOrderError
 from ..signals.stretches import stuck_rows
 from ..simulators.base import Simulator
@@ -17,7 +16,6 @@ from .diagnosis.result import Diagnosis
 from .inference.floor import sense_of
 from .inference.sensitivity import templates
 from .residuals.on_equation import OnEquation, Table
-from .residuals.ports import REPLICATES
 from .residuals.rates import with_rates
 from .residuals.single import SignalEvidence
 from .residuals.units import Units
@@ -49,15 +47,15 @@ def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: fl
 
 def evidence_on(
     problem: Problem, equation: OnEquation, simulator: Simulator | None = None, without: np.ndarray | None = None,
-    position: float | None = None, noise: np.ndarray | None = None,
+    position: float | None = None,
 ) -> SignalEvidence:  # fmt: skip
-    """Return the evidence on an equation; a position counts as a strain of one, `noise` are draws of the residual's."""
+    """Return the evidence on an equation; a position counts as a strain of one."""
     columns, contraction = dict(problem.roles), is_contraction(problem.plant, problem.roles)
     if simulator is not None:  # rates that a log lacks are named after their signals
         rates = {"velocity": "position", "pressure_rate": "pressure"}
         columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
     names = [str(problem.groups[k]) for k in equation.starts]
-    found = SignalEvidence(equation, problem.y, names, columns, position, contraction, without, simulator, noise)
+    found = SignalEvidence(equation, problem.y, names, columns, position, contraction, without, simulator)
     if not len(found.first):
         raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
     return found
@@ -66,18 +64,17 @@ def evidence_on(
 def facing(
     problem: Problem, sense: str | int = "auto", effects: str | Sequence[str] = "all",
     simulator: Simulator | None = None, interval: float = 1e-3, position: float | None = None,
-    noise: np.ndarray | None = None,
 ) -> SignalEvidence:  # fmt: skip
     """Return the evidence on one equation, under effects that act in the sense that explains more."""
     equation = equation_of(problem, 1 if sense == "auto" else int(sense), interval)
     without, notes = checked(problem, equation)
-    found = evidence_on(problem, equation, simulator, without, position, noise)
+    found = evidence_on(problem, equation, simulator, without, position)
     # The tension, or the flow, of a muscle that is known is what it delivers.
     if sense == "auto" and problem.plant is None:
         known = [t for name in found.library(effects) for t in templates(found, name)]
         if sense_of(found, known) < 0:
             equation = equation_of(problem, -1, interval)
-            found = evidence_on(problem, equation, simulator, without, position, noise)
+            found = evidence_on(problem, equation, simulator, without, position)
     found.notes += [*problem.notes, *notes]
     return found
 
@@ -159,33 +156,9 @@ def told_units(equation: str, contraction: bool, given: Mapping[str, str] | None
 def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
     """Return the evidence on the equation that a simulator states."""
     problem = simulator.problem(log)
-    states = problem.fitted or simulator
-    found = facing(problem, simulator.sense, simulator=states, noise=noise_of(problem, states, log))
+    found = facing(problem, simulator.sense, simulator=problem.fitted or simulator)
     found.given, found.notes = simulator, [*simulator.doubts(log), *found.notes]
     return found
-
-
-def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.ndarray:
-    """Return what noise of the readings adds to the residual at each row, on copies of a log with as much noise again.
-
-    A rate that the simulator takes of a signal, or what its law makes of one, has noise that neighbours share.
-    """
-    import pandas as pd
-
-    rng, drawn = np.random.RandomState(0), np.zeros((REPLICATES, len(problem.y)))
-    runs = list(log.groupby("trajectory", sort=False).indices.values())
-    sigma = {}
-    for name in (p.name for p in simulator.ports if p.name in log.columns):
-        x = log[name].to_numpy(dtype=float)
-        power = [channel_noise(known, 1).white for at in runs if len(known := x[at][np.isfinite(x[at])]) > 4]
-        sigma[name] = float(np.sqrt(np.mean(np.square(power)))) if power else 0.0
-    plain = problem.y - problem.nominal(problem.X)
-    for k in range(REPLICATES):
-        noisy = {n: log[n] + s * rng.standard_normal(len(log)) for n, s in sigma.items() if s > 0.0}
-        again = simulator.problem(log.assign(**noisy))
-        left = pd.Series(again.y - again.nominal(again.X), again.X.index).reindex(problem.X.index)
-        drawn[k] = (left - plain).fillna(0.0)
-    return drawn
 
 
 def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator]) -> list[Simulator]:

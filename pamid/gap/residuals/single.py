@@ -21,6 +21,7 @@ from .port_windows import PortWindows
 from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import rms
+from .whitening import Whitening
 
 if TYPE_CHECKING:
     from .beside import Beside
@@ -58,7 +59,7 @@ class SignalEvidence(PortEvidence):
     def __init__(
         self, equation: OnEquation, y: np.ndarray, names: Sequence[str],
         columns: Mapping[str, str] = MappingProxyType({}), position: float | None = None, contraction: bool = False,
-        without: np.ndarray | None = None, simulator: Simulator | None = None, noise: np.ndarray | None = None,
+        without: np.ndarray | None = None, simulator: Simulator | None = None,
     ) -> None:  # fmt: skip
         starts, at = equation.starts, np.arange(len(y))
         since = (at - starts[np.searchsorted(starts, at, side="right") - 1]) * equation.dt
@@ -75,7 +76,6 @@ class SignalEvidence(PortEvidence):
         if self.without.any():
             lost = np.concatenate([[0], np.cumsum(self.without)])
             first = first[lost[first + self.n] == lost[first]]
-        self._draws = np.zeros((0, log.n)) if noise is None else noise
         self.windows = [PortWindows(equation.kind, equation.units.target, first, first + self.n // 2, np.zeros(0))]
         self.windows = [self.windows[0]._replace(measured=self._mean(y))]
         self._settle()
@@ -184,14 +184,9 @@ class SignalEvidence(PortEvidence):
 
     # --- noise ------------------------------------------------------------------------------------------------
     def _draw_noise(self) -> None:
-        """Take the larger of what neighbouring rows of the residual show, and of what copies of the log do.
-
-        Neighbours do not show noise that they share, such as that of a rate which was taken over many rows. It is not
-        whitened: it is smooth over more windows than those whose covariance is known, and they count as fewer.
-        """
+        """Estimate the noise from the residual, not the target alone: the inputs' noise comes through the model."""
         left, mean, spans = self.y - self.equation.predicted, np.full(self.n, 1.0 / self.n), self.log.spans
         power = [channel_noise(left[a:b], self.n).variance(mean) for a, b in spans]
         noise = float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
-        copies = rms(np.array([rms(self._mean(one)) for one in self._draws]))
-        self.noise = np.full(len(self.value), max(noise, copies, 1e-4 * rms(self.value), 1e-300))
-        self._drawn = np.zeros((0, len(self.value)))
+        self.noise = np.full(len(self.value), max(noise, 1e-4 * rms(self.value), 1e-300))
+        self._drawn, self._whitening = np.zeros((1, len(self.value))), Whitening()
