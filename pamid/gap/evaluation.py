@@ -11,7 +11,7 @@ from ..equations.evaluate import LogEvaluation, Sums, summed
 from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
-from .one_equation import equation_of, evidence_on
+from .one_equation import Measured
 from .simulated import evidence_of
 
 if TYPE_CHECKING:
@@ -22,10 +22,7 @@ if TYPE_CHECKING:
 
 def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     """Return what a simulator with ports, or one that states its equation, leaves of a log, in the units there."""
-    if not simulator.states_equation:
-        return evidence_of(log, simulator)
-    problem = simulator.problem(log)
-    return evidence_on(problem, equation_of(problem), simulator)
+    return Measured.of(simulator, log).evidence() if simulator.states_equation else evidence_of(log, simulator)
 
 
 def evaluate_simulator(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,11 +12,10 @@ from ..effects import Plant
 from ..errors import ExcitationError, ShortTrajectoryError, TimeOrderError
 from ..signals.stretches import stuck_rows
 from ..simulators.base import Simulator
-from ..simulators.problem import Problem
 from .diagnosis.result import Diagnosis
 from .inference.floor import sense_of
 from .inference.sensitivity import templates
-from .residuals.on_equation import OnEquation, Table
+from .residuals.on_equation import OnEquation, Table, strain_scale
 from .residuals.rates import with_rates
 from .residuals.single import SignalEvidence
 from .residuals.units import Units
@@ -26,98 +26,121 @@ if TYPE_CHECKING:
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
 
-def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: float | None = None) -> OnEquation:
-    """Return an equation on a log, under effects that act in a sense; an interval, s, serves where no time is told."""
-    import pandas as pd
+@dataclass(frozen=True)
+class Measured:
+    """One equation on a log: signals by role, rates included, what was measured, and what a model says."""
 
-    X, roles, codes = problem.X, dict(problem.roles), problem.codes
-    given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items() if column in X}
-    dt = sampling_interval(given, codes, interval) if dt is None else dt
+    signals: dict[str, np.ndarray]
+    y: np.ndarray
+    codes: np.ndarray
+    """Run of each row, from 0 in their order."""
+    names: Sequence[str]
+    dt: float
+    nominal: Callable[[Table], np.ndarray]
+    """Turns the signals into the modelled target."""
+    usual: Callable[[int], Callable[[Table], np.ndarray]]
+    """The same for another number of rows, whose columns without a role are where they usually are."""
+    equation: str
+    columns: Mapping[str, str]
+    """The user's name of each role that the log has."""
+    units: Units
+    plant: Plant | None = None
+    position_scale: float = 1.0
+    notes: list[str] = field(default_factory=list)
+    counts: np.ndarray | None = None
+    """Rows that count."""
+    simulator: Simulator | None = None
+    """What states the equation, with numbers that were fitted to the log."""
 
-    def on(T: pd.DataFrame) -> Callable[[Table], np.ndarray]:
-        return lambda table: np.asarray(problem.nominal(T.assign(**{roles[r]: table[r] for r in given})), dtype=float)
+    @classmethod
+    def of(cls, simulator: Simulator, log: pd.DataFrame) -> Measured:
+        """Return the equation that a simulator states on a log."""
+        import pandas as pd
 
-    def usual(n: int) -> Callable[[Table], np.ndarray]:
-        return on(pd.DataFrame(np.tile(X.median().to_numpy(), (n, 1)), columns=X.columns))
+        problem = simulator.problem(log)
+        X, roles, codes = problem.X, dict(problem.roles), problem.codes
+        given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items()}
+        dt = sampling_interval(given, codes)
+        signals = role_signals(given, codes, dt, problem.equation)
+        contraction = is_contraction(problem.plant, roles)
 
-    units = told_units(problem.equation, is_contraction(problem.plant, roles), problem.units)
-    signals, starts = role_signals(given, codes, dt, problem.equation), np.flatnonzero(np.diff(codes, prepend=-1))
-    return OnEquation(signals, on(X), dt, starts, problem.equation, problem.plant, units, sense, usual)
+        def model(T: pd.DataFrame) -> Callable[[Table], np.ndarray]:
+            def modelled(table: Table) -> np.ndarray:
+                return np.asarray(problem.nominal(T.assign(**{c: table[r] for r, c in roles.items()})), dtype=float)
 
+            return modelled
 
-def evidence_on(
-    problem: Problem, equation: OnEquation, simulator: Simulator | None = None, without: np.ndarray | None = None,
-    position: float | None = None,
-) -> SignalEvidence:  # fmt: skip
-    """Return the evidence on an equation; a position counts as a strain of one."""
-    columns, contraction = dict(problem.roles), is_contraction(problem.plant, problem.roles)
-    if simulator is not None:  # rates that a log lacks are named after their signals
-        rates = {"velocity": "position", "pressure_rate": "pressure"}
-        columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
-    names = [str(problem.groups[k]) for k in equation.starts]
-    found = SignalEvidence(equation, problem.y, names, columns, position, contraction, without, simulator)
-    if not len(found.first):
-        raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
-    return found
+        def usual(n: int) -> Callable[[Table], np.ndarray]:
+            return model(pd.DataFrame(np.tile(X.median().to_numpy(), (n, 1)), columns=X.columns))
 
+        first = np.searchsorted(codes, np.arange(codes[-1] + 1))
+        return cls(
+            signals, problem.y, codes, [str(n) for n in problem.groups[first]], dt, model(X), usual,
+            problem.equation, roles, told_units(problem.equation, contraction, problem.units), problem.plant,
+            strain_scale(signals.get("position", np.zeros(1)), contraction), problem.notes, problem.counts,
+            problem.fitted or simulator,
+        )  # fmt: skip
 
-def facing(
-    problem: Problem, sense: str | int = "auto", effects: str | Sequence[str] = "all",
-    simulator: Simulator | None = None, interval: float = 1e-3, position: float | None = None,
-) -> SignalEvidence:  # fmt: skip
-    """Return the evidence on one equation, under effects that act in the sense that explains more."""
-    equation = equation_of(problem, 1 if sense == "auto" else int(sense), interval)
-    without, notes = checked(problem, equation)
-    found = evidence_on(problem, equation, simulator, without, position)
-    # The tension, or the flow, of a muscle that is known is what it delivers.
-    if sense == "auto" and problem.plant is None:
-        known = [t for name in found.library(effects) for t in templates(found, name)]
-        if sense_of(found, known) < 0:
-            equation = equation_of(problem, -1, interval)
-            found = evidence_on(problem, equation, simulator, without, position)
-    found.notes += [*problem.notes, *notes]
-    return found
+    def checked(self) -> tuple[np.ndarray, list[str]]:
+        """Return the rows that are left out, and notes on the signals; raise where none can be used."""
+        driven = [x for role, x in self.signals.items() if role in self.columns and role not in ("time", "flow")]
+        if not any(np.ptp(x) > 0 for x in driven):
+            what = f"None of the signals {', '.join(self.signals)} moves."
+            raise ExcitationError(what, "motion", "Record runs in which position changes.")
+        notes = [*self.notes, *self._notes()]
+        moving = {k: v for k, v in self.signals.items() if k in ("position", "pressure", "command")}
+        stuck = stuck_beside(self.y, moving, self.codes)
+        if stuck.any():
+            share = f"{100 * stuck.mean():.1f} %"
+            what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
+            notes.append(f"{what} Those rows are left out.")
+        without = stuck if self.counts is None else stuck | ~self.counts
+        if without.all():
+            raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
+        return without, notes
 
+    def _notes(self) -> list[str]:
+        signals, codes, notes = self.signals, self.codes, list[str]()
+        if codes[-1] == 0:
+            notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
+        if "time" in signals:
+            steps, same = np.diff(signals["time"]), np.diff(codes) == 0
+            if np.any(steps[same] < 0):
+                raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
+            each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
+            if each and max(each) > 1.1 * min(each):
+                notes.append(
+                    f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
+                    "constants are uncertain by as much."
+                )
+        if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
+            notes.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
+        if "position" in signals and not {"position", "velocity"} & set(self.columns):
+            notes.append("No column is a position: effects of the position follow the drive of the system instead.")
+        return notes
 
-def checked(problem: Problem, equation: OnEquation) -> tuple[np.ndarray, list[str]]:
-    """Return the rows that are left out, and notes on the signals; raise where none can be used."""
-    signals, y, codes = equation.table, problem.y, problem.codes
-    driven = [x for role, x in signals.items() if role in problem.roles and role not in ("time", "flow")]
-    if not any(np.ptp(x) > 0 for x in driven):
-        what = f"None of the signals {', '.join(signals)} moves."
-        raise ExcitationError(what, "motion", "Record runs in which position changes.")
-    notes = _notes(signals, codes, problem.roles)
-    moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
-    stuck = stuck_beside(y, moving, codes)
-    if stuck.any():
-        share = f"{100 * stuck.mean():.1f} %"
-        what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
-        notes.append(f"{what} Those rows are left out.")
-    without = stuck if problem.counts is None else stuck | ~problem.counts
-    if without.all():
-        raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
-    return without, notes
+    @property
+    def contraction(self) -> bool:
+        """Whether the position is a contraction ratio."""
+        return is_contraction(self.plant, self.columns)
 
+    @property
+    def starts(self) -> np.ndarray:
+        """First row of each run."""
+        return np.flatnonzero(np.diff(self.codes, prepend=-1))
 
-def _notes(signals: Table, codes: np.ndarray, roles: Mapping[str, str]) -> list[str]:
-    notes: list[str] = []
-    if codes[-1] == 0:
-        notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
-    if "time" in signals:
-        steps, same = np.diff(signals["time"]), np.diff(codes) == 0
-        if np.any(steps[same] < 0):
-            raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
-        each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
-        if each and max(each) > 1.1 * min(each):
-            notes.append(
-                f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
-                "constants are uncertain by as much."
-            )
-    if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
-        notes.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
-    if "position" in signals and not {"position", "velocity"} & set(roles):
-        notes.append("No column is a position: effects of the position follow the drive of the system instead.")
-    return notes
+    def evidence(self, sense: int = 1, without: np.ndarray | None = None) -> SignalEvidence:
+        """Return the evidence, under effects that act in a sense."""
+        equation = OnEquation(
+            self.signals, self.nominal, self.dt, self.starts, self.equation, self.plant, self.units, sense, self.usual
+        )
+        names, columns = [self.names[k] for k in self.codes[self.starts]], dict(self.columns)
+        if self.simulator is not None:  # rates that a log lacks are named after their signals
+            rates = {"velocity": "position", "pressure_rate": "pressure"}
+            columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
+        return SignalEvidence(
+            equation, self.y, names, columns, self.position_scale, self.contraction, without, self.simulator
+        )
 
 
 def sampling_interval(signals: Table, codes: np.ndarray, otherwise: float = 1e-3) -> float:
@@ -153,10 +176,23 @@ def told_units(equation: str, contraction: bool, given: Mapping[str, str] | None
     return Units(**{**(si if contraction else unnamed), **(given or {})})
 
 
+def facing(m: Measured, sense: str | int = "auto", effects: str | Sequence[str] = "all") -> SignalEvidence:
+    """Return the evidence on one equation, under effects that act in the sense that explains more."""
+    without, notes = m.checked()
+    found = m.evidence(1 if sense == "auto" else int(sense), without)
+    if not len(found.first):
+        raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
+    # The tension, or the flow, of a muscle that is known is what it delivers.
+    if sense == "auto" and m.plant is None:
+        known = [t for name in found.library(effects) for t in templates(found, name)]
+        found = found if sense_of(found, known) > 0 else m.evidence(-1, without)
+    found.notes += notes
+    return found
+
+
 def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
     """Return the evidence on the equation that a simulator states."""
-    problem = simulator.problem(log)
-    found = facing(problem, simulator.sense, simulator=problem.fitted or simulator)
+    found = facing(Measured.of(simulator, log), simulator.sense)
     found.given, found.notes = simulator, [*simulator.doubts(log), *found.notes]
     return found
 

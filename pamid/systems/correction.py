@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import EffectSpec
-from ..gap.one_equation import equation_of, sampling_interval
+from ..gap.one_equation import sampling_interval
+from ..gap.residuals.on_equation import OnEquation, Table
+from ..gap.residuals.rates import with_rates
 from ..simulators.placement import Scales
 from ..simulators.problem import Problem
 
@@ -26,7 +28,20 @@ class WithEffects:
 
     def __call__(self, X: pd.DataFrame) -> np.ndarray:
         """Return the modelled target of some rows, of whole runs where an effect has memory."""
-        found = equation_of(self.problem._replace(X=X, groups=self._codes_of(X)), self.sense, dt=self._dt)
+        problem, codes = self.problem, self._codes_of(X)
+        columns = {role: column for role, column in problem.roles.items() if column in X.columns}
+        read = {role: X[column].to_numpy(dtype=float) for role, column in columns.items()}
+        modelled = np.asarray(problem.nominal(X), dtype=float)
+
+        def nominal(table: Table) -> np.ndarray:
+            return np.asarray(
+                problem.nominal(X.assign(**{columns[role]: table[role] for role in columns})), dtype=float
+            )
+
+        signals, starts = with_rates(read, codes, self._dt), np.flatnonzero(np.diff(codes, prepend=-1))
+        found = OnEquation(
+            signals, nominal, self._dt, starts, problem.equation, problem.plant, sense=self.sense, predicted=modelled
+        )
         places = found.placements(Scales())
         return found.modelled([(places[name], places[name].made(values)) for name, values in self.effects])
 

@@ -47,7 +47,7 @@ def table_of(log):
 def evidence(log):
     starts = np.flatnonzero(np.diff(log["trajectory"].astype(int), prepend=-1))
     equation = OnEquation(table_of(log), nominal, 0.01, starts, "force", PLANT)
-    return SignalEvidence(equation, log["F"].to_numpy(), [str(k) for k in range(len(starts))], contraction=True)
+    return SignalEvidence(equation, log["F"].to_numpy(), [str(k) for k in range(len(starts))])
 
 
 def test_slack_and_the_bladder_are_found_together(log):

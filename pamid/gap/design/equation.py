@@ -2,23 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...simulators.base import Simulator
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
+from ..one_equation import Measured, stated
 from ..residuals.on_equation import OnEquation
 from ..residuals.rates import with_rates
 from ..residuals.single import SignalEvidence
-from .port_family import PortInputs, PortLimits, within_limits
+from ..simulated import learn
+from .plan import Plan
+from .port_family import PortInputs, PortLimits
+from .ports import with_changes, within_limits
 from .search import planned
 
 if TYPE_CHECKING:
     import pandas as pd
+
+MOVED = ("position", "pressure", "command")
+"""Signals that a run may move."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +39,6 @@ class EquationRig(PortInputs):
     """What the signals that a run moves allow."""
     equation: OnEquation
     """The equation of the rig that is driven, which may have been changed."""
-    noise: Mapping[str, float] = field(default_factory=dict)
-    """Noise of the equation over that of the readings."""
 
     def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
         """Return runs simulated with an explanation, with their indices."""
@@ -64,10 +70,22 @@ class EquationRig(PortInputs):
         )
         found.measure_as(last.sizes)
         wanted = float(np.median(last.noise)) * np.sqrt(last.n / found.n)
-        times = self.noise.get(equation.kind, 1.0)
-        found.widen({equation.kind: times * wanted / float(np.median(found.noise))})
+        found.widen({equation.kind: wanted / float(np.median(found.noise))})
         found.weights, found.stretch = last.weights, last.stretch
         return found
+
+
+def limits_of(evidence: SignalEvidence, **given: Any) -> PortLimits:
+    """Return the limits within which the signals of an equation moved that a run may move."""
+    may_move = MOVED[:1] if evidence.equation.kind == "torque" else MOVED  # a joint's load follows from its motion
+    signals = evidence.signals()
+    inputs = {name: signals[name] for role in may_move if (name := evidence.columns.get(role, "")) in signals}
+    return PortLimits.of([replace(evidence.log, channels=signals)], inputs, **given)
+
+
+def usual_seconds(evidence: SignalEvidence) -> float:
+    """Return the length of a typical run, s."""
+    return float(np.median([b - a for a, b in evidence.log.spans])) * evidence.log.dt
 
 
 def next_for_equation(
@@ -77,12 +95,13 @@ def next_for_equation(
 
     Each signal that is driven is held, or moves as a sine, within what the log has visited.
     """
-    log = evidence.log
-    seconds = round(log.usual_seconds, 9)
-    limits = PortLimits.of([(log, evidence.driven())], seconds=seconds, kinds=("sine",))
-    if len(rivals) < 2 or round(seconds / log.dt) < 50 or not limits.ranges:
+    seconds = round(usual_seconds(evidence), 9)
+    if len(rivals) < 2 or round(seconds / evidence.log.dt) < 50:
         return None
-    rig = EquationRig([evidence], within_limits(limits, {}, {}, {}, [], []), evidence.equation)
+    if not (limits := limits_of(evidence, seconds=seconds)).ranges:
+        return None
+    limits = replace(within_limits(limits, {}, {}, {}, [], []), kinds=("sine",))
+    rig = EquationRig([evidence], limits, evidence.equation)
     plan = planned(rig, list(rivals)[:2], designs, "discriminate", [], seed, lambda _: None)
     if not plan.runs:
         return None
@@ -95,3 +114,32 @@ def next_for_equation(
     nats = max(e.nats for e in plan.expected)
     reason = f"{names[0]} and {names[1]} would differ in log-likelihood by about {nats:.0f} over {seconds:.3g} s of it"
     return NextExperiment(trajectory, names, float(nats), reason)
+
+
+def plan_equation_run(
+    rivals: Sequence[Rival], logs: Mapping[str, pd.DataFrame], simulator: Simulator, library: Sequence[str],
+    *, limits: Mapping[str, tuple[float, float]] | None = None, rates: Mapping[str, float] | None = None,
+    keep: Mapping[str, tuple[float, float]] | None = None, changes: Sequence[Mapping[str, float]] = (),
+    seconds: float | None = None, runs: int = 1, designs: int = 200, purpose: str = "auto", seed: int = 0,
+    progress: Callable[[str], None] | None = None,
+) -> Plan:  # fmt: skip
+    """Return the runs of a simulator that states its equation that best discriminate between explanations."""
+    import pandas as pd
+    from threadpoolctl import threadpool_limits
+
+    say = progress or (lambda _: None)
+    say("read the logs")
+    log = pd.concat([x.assign(trajectory=[f"{n}: {run}" for run in x["trajectory"]]) for n, x in logs.items()])
+    log = log.reset_index(drop=True)
+    simulator = simulator.problem(log).fitted or simulator
+    with threadpool_limits(1):
+        own = stated(log, simulator)
+        learn(own, library)
+        allowed = limits_of(own, runs=runs, seconds=seconds or round(runs * usual_seconds(own), 9))
+        allowed = within_limits(allowed, limits or {}, rates or {}, keep or {}, list(allowed.ranges), [])
+
+        def under(change: Mapping[str, float], looked: int) -> Plan:
+            equation = Measured.of(simulator.with_(change), log).evidence(own.equation.sense).equation
+            return planned(EquationRig([own], allowed, equation), rivals, looked, purpose, library, seed, say)
+
+        return with_changes(under, simulator, changes, designs, say) if changes else under({}, designs)

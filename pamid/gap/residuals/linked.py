@@ -54,10 +54,6 @@ class Paths(ABC):
         spans = {name: float(np.ptp(self.path_of(name))) for link in self.links for name in link.sources}
         return survey._replace(spans={**survey.spans, **spans}, links=self.links)
 
-    def driven(self) -> dict[str, np.ndarray]:
-        """Return the inputs that the log holds."""
-        return {n: self.log.channels[n] for n in self.simulator.inputs if n in self.log.channels}
-
     def _turns(self, path: str) -> bool:
         """Return whether a path reverses at least once per run."""
         if path not in self._turning:

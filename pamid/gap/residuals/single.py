@@ -16,7 +16,7 @@ from ...simulators.placement import Placement, Scales
 from ...simulators.port_log import PortLog
 from ...simulators.ports import Port
 from ...simulators.sizes import SignalSizes
-from .on_equation import OUTPUT, OnEquation, scales_of, strain_scale
+from .on_equation import OUTPUT, OnEquation, scales_of
 from .port_windows import PortWindows
 from .ports import PortEvidence
 from .protocol import Active, Spec
@@ -31,8 +31,7 @@ _NOISE = (
     "The noise is estimated from differences between neighbouring samples and between repeated runs. A learner on the "
     "same signals and their past predicts {:.0f} % of the gap on held-out runs."
 )
-_MOVED = "position", "pressure", "command"
-_DRIVING = *_MOVED, "flow"
+_DRIVING = "position", "pressure", "command", "flow"
 
 
 class Roles(Simulator):
@@ -58,7 +57,7 @@ class SignalEvidence(PortEvidence):
 
     def __init__(
         self, equation: OnEquation, y: np.ndarray, names: Sequence[str],
-        columns: Mapping[str, str] = MappingProxyType({}), position: float | None = None, contraction: bool = False,
+        columns: Mapping[str, str] = MappingProxyType({}), position: float = 1.0, contraction: bool = False,
         without: np.ndarray | None = None, simulator: Simulator | None = None,
     ) -> None:  # fmt: skip
         starts, at = equation.starts, np.arange(len(y))
@@ -68,13 +67,11 @@ class SignalEvidence(PortEvidence):
         super().__init__(log, Roles([Port(role, "input") for role in _DRIVING if role in channels]))
         self.given = self._states = simulator or self.simulator
         self.equation, self.y, self.columns = equation, y, columns
-        self.contraction = contraction
-        self.without = np.zeros(log.n, dtype=bool) if without is None else without
-        self.position = position or strain_scale(equation.table.get("position", np.zeros(1)), contraction)
+        self.position, self.contraction = position, contraction
         self.n = equation.window
         first = np.concatenate([np.arange(a, b - self.n + 1, self.n) for a, b in log.spans]).astype(int)
-        if self.without.any():
-            lost = np.concatenate([[0], np.cumsum(self.without)])
+        if without is not None and without.any():
+            lost = np.concatenate([[0], np.cumsum(without)])
             first = first[lost[first + self.n] == lost[first]]
         self.windows = [PortWindows(equation.kind, equation.units.target, first, first + self.n // 2, np.zeros(0))]
         self.windows = [self.windows[0]._replace(measured=self._mean(y))]
@@ -128,12 +125,6 @@ class SignalEvidence(PortEvidence):
         adds = ["Effects add to y: the target is the driving force, not the delivered one."]
         return [_NOISE.format(100.0 * share), *(adds if self.equation.sense < 0 else [])]
 
-    def driven(self) -> dict[str, np.ndarray]:
-        """Return the signals that a run may move, by the user's names."""
-        may_move = _MOVED[:1] if self.equation.kind == "torque" else _MOVED  # a joint's load follows from its motion
-        table = self.equation.table
-        return {self.spoken(role): table[role] for role in may_move if role in self.columns and role in table}
-
     def begin_as(self, other: Beside) -> None:
         """Let effects act in the sense that they have in another log."""
         self.equation.sense = other.equation.sense if isinstance(other, SignalEvidence) else 1
@@ -144,8 +135,8 @@ class SignalEvidence(PortEvidence):
         spans, tops, lows = (
             {k: float(of(x)) for k, x in table.items()} for of in (np.ptp, lambda x: np.max(np.abs(x)), np.min)
         )
-        kind, log = self.equation.kind, self.log
-        return SignalSizes(spans, tops, lows, gaps, [kind], {}, [], log.usual_seconds, log.dt)
+        length = float(np.median([b - a for a, b in self.log.spans])) * self.log.dt
+        return SignalSizes(spans, tops, lows, gaps, [self.equation.kind], {}, [], length, self.log.dt)
 
     _surveyed = _survey
 
