@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY, replace
+from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,20 +12,21 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import UnknownOptionError
-from pamid.gap.at_ports import diagnose_evidence
+from pamid.gap.equation import diagnose_equation
 from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
 from pamid.gap.one_equation import (
     Measured,
-    facing,
     is_contraction,
+    library_for,
     plain,
     rebuilt,
     role_signals,
     sampling_interval,
     told_units,
 )
-from pamid.gap.residuals.on_equation import OnEquation, strain_scale
+from pamid.gap.residuals.on_equation import strain_scale
+from pamid.gap.residuals.single import SignalEvidence
 
 from ._base import SignalEstimator, Signals
 from ._gap_model import hybrid_with
@@ -209,15 +210,15 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self._check_settings()
         m = self._measured(table, y, codes, run_names(X, groups, codes), where)
         self.position_scale_ = m.position_scale
-        evidence = facing(m, self.sense, self.effects)
-        found, [learned] = diagnose_evidence(evidence, self.effects, int(rng.randint(2**31 - 1)))
-        self.noise_floor_ = float(np.median(evidence.noise))
-        self.explainable_floor_, self.explainable_share_ = learned.rms, learned.share
-        self.scaling_ = replace(evidence.scales, target=evidence.equation.sense * evidence.scales.target)
+        library = library_for(self.effects, self.equation, is_contraction(self.plant, m.columns), m.units)
+        seed = np.random.RandomState(rng.randint(2**31 - 1))
+        found, gathered, without = diagnose_equation(m, library, self.sense, seed)
+        evidence, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
+        self.scaling_ = evidence.scales
         self._write(found)
         self.remainder_ = {}
         if self.learned_remainder:
-            left = np.where(m.checked()[0], 0.0, y - self._corrected(table, m.signals, codes))
+            left = np.where(without, 0.0, y - self._corrected(table, m.signals, codes))
             self.remainder_ = learn(m.signals, left, codes, m.dt, seed=int(rng.randint(2**31 - 1)))
         self._remember(X, y, groups=groups)
         return self
@@ -282,7 +283,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             scale = strain_scale(signals.get("position", np.zeros(1)), contraction)
         return Measured(
             signals, y, codes, names, sampling_interval(signals, codes, self.sampling_interval),
-            self._nominal(table), lambda n: self._nominal(usual + np.zeros((n, 1))),
+            lambda rows: self._nominal(table[rows]), lambda n: self._nominal(usual + np.zeros((n, 1))),
             self.equation, self._labels(), told_units(self.equation, contraction, self.units), self.plant,
             float(scale), counts=None if where is None else column_or_1d(where).astype(bool),
         )  # fmt: skip
@@ -348,11 +349,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         modelled = nominal(signals)
         if not self.effects_:
             return modelled
-        dt, scales = sampling_interval(signals, codes, self.sampling_interval), self.scaling_
-        starts, sense = np.flatnonzero(np.diff(codes, prepend=-1)), int(np.sign(scales.target))
-        found = OnEquation(signals, nominal, dt, starts, self.equation, self.plant, sense=sense, predicted=modelled)
-        places = found.placements(replace(scales, target=abs(scales.target)))
-        return found.modelled([(places[name], places[name].made(values)) for name, values in self.effects_.items()])
+        dt = sampling_interval(signals, codes, self.sampling_interval)
+        evidence = SignalEvidence(signals, modelled, nominal, codes, dt, self.equation, self.plant, self.scaling_)
+        made = [evidence.placements[name].made(values) for name, values in self.effects_.items()]
+        return np.asarray(modelled + evidence.added_by(made))
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()

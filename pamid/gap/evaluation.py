@@ -11,18 +11,19 @@ from ..equations.evaluate import LogEvaluation, Sums, summed
 from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
-from .one_equation import Measured
+from .equation import stated_evidence
 from .simulated import evidence_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from .residuals.ports import PortEvidence
+    from .residuals.single import SignalEvidence
 
 
-def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
+def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence | SignalEvidence:
     """Return what a simulator with ports, or one that states its equation, leaves of a log, in the units there."""
-    return Measured.of(simulator, log).evidence() if simulator.states_equation else evidence_of(log, simulator)
+    return stated_evidence(log, simulator) if simulator.states_equation else evidence_of(log, simulator)
 
 
 def evaluate_simulator(

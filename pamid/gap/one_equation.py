@@ -3,27 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..effects import Plant
-from ..errors import ExcitationError, ShortTrajectoryError, TimeOrderError
+from ..errors import ExcitationError, TimeOrderError
 from ..signals.stretches import stuck_rows
-from ..simulators.base import Simulator
+from ..simulators.placement import Scales
+from ..simulators.port_log import PortLog
+from ..simulators.problem import Problem
 from .diagnosis.result import Diagnosis
-from .inference.floor import sense_of
-from .inference.sensitivity import templates
-from .residuals.on_equation import OnEquation, Table, strain_scale
+from .inference.floor import explainable, measured_noise, sense_of
+from .inference.sensitivity import Template, templates
+from .residuals.on_equation import scales_of, strain_scale
 from .residuals.rates import with_rates
-from .residuals.single import SignalEvidence
+from .residuals.single import SignalEvidence, Table
 from .residuals.units import Units
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
+
+
+class Gathered(NamedTuple):
+    """One equation, ready for a diagnosis, in the unit of its target."""
+
+    evidence: SignalEvidence
+    noise: float
+    """Standard deviation of a window's noise."""
+    learned: float
+    """What a flexible learner leaves on held-out runs."""
+    share: float
+    """Share of the gap beyond the noise that it predicts."""
 
 
 @dataclass(frozen=True)
@@ -36,10 +47,10 @@ class Measured:
     """Run of each row, from 0 in their order."""
     names: Sequence[str]
     dt: float
-    nominal: Callable[[Table], np.ndarray]
-    """Turns the signals into the modelled target."""
+    model: Callable[[np.ndarray], Callable[[Table], np.ndarray]]
+    """Takes row numbers, returns what turns the signals of these rows into the modelled target."""
     usual: Callable[[int], Callable[[Table], np.ndarray]]
-    """The same for another number of rows, whose columns without a role are where they usually are."""
+    """The same for a number of rows whose columns without a role are where they usually are."""
     equation: str
     columns: Mapping[str, str]
     """The user's name of each role that the log has."""
@@ -49,15 +60,12 @@ class Measured:
     notes: list[str] = field(default_factory=list)
     counts: np.ndarray | None = None
     """Rows that count."""
-    simulator: Simulator | None = None
-    """What states the equation, with numbers that were fitted to the log."""
 
     @classmethod
-    def of(cls, simulator: Simulator, log: pd.DataFrame) -> Measured:
+    def of(cls, problem: Problem) -> Measured:
         """Return the equation that a simulator states on a log."""
         import pandas as pd
 
-        problem = simulator.problem(log)
         X, roles, codes = problem.X, dict(problem.roles), problem.codes
         given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items()}
         dt = sampling_interval(given, codes)
@@ -75,11 +83,15 @@ class Measured:
 
         first = np.searchsorted(codes, np.arange(codes[-1] + 1))
         return cls(
-            signals, problem.y, codes, [str(n) for n in problem.groups[first]], dt, model(X), usual,
-            problem.equation, roles, told_units(problem.equation, contraction, problem.units), problem.plant,
+            signals, problem.y, codes, [str(n) for n in problem.groups[first]], dt, lambda rows: model(X.iloc[rows]),
+            usual, problem.equation, roles, told_units(problem.equation, contraction, problem.units), problem.plant,
             strain_scale(signals.get("position", np.zeros(1)), contraction), problem.notes, problem.counts,
-            problem.fitted or simulator,
         )  # fmt: skip
+
+    @property
+    def nominal(self) -> Callable[[Table], np.ndarray]:
+        """What turns the signals of all rows into the modelled target."""
+        return self.model(np.arange(len(self.y)))
 
     def checked(self) -> tuple[np.ndarray, list[str]]:
         """Return the rows that are left out, and notes on the signals; raise where none can be used."""
@@ -87,7 +99,7 @@ class Measured:
         if not any(np.ptp(x) > 0 for x in driven):
             what = f"None of the signals {', '.join(self.signals)} moves."
             raise ExcitationError(what, "motion", "Record runs in which position changes.")
-        notes = [*self.notes, *self._notes()]
+        notes = self._notes()
         moving = {k: v for k, v in self.signals.items() if k in ("position", "pressure", "command")}
         stuck = stuck_beside(self.y, moving, self.codes)
         if stuck.any():
@@ -119,28 +131,24 @@ class Measured:
             notes.append("No column is a position: effects of the position follow the drive of the system instead.")
         return notes
 
-    @property
-    def contraction(self) -> bool:
-        """Whether the position is a contraction ratio."""
-        return is_contraction(self.plant, self.columns)
-
-    @property
-    def starts(self) -> np.ndarray:
-        """First row of each run."""
-        return np.flatnonzero(np.diff(self.codes, prepend=-1))
-
-    def evidence(self, sense: int = 1, without: np.ndarray | None = None) -> SignalEvidence:
-        """Return the evidence, under effects that act in a sense."""
-        equation = OnEquation(
-            self.signals, self.nominal, self.dt, self.starts, self.equation, self.plant, self.units, sense, self.usual
-        )
-        names, columns = [self.names[k] for k in self.codes[self.starts]], dict(self.columns)
-        if self.simulator is not None:  # rates that a log lacks are named after their signals
-            rates = {"velocity": "position", "pressure_rate": "pressure"}
-            columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
+    def evidence(
+        self, scales: Scales | None = None, rows: slice = slice(None), without: np.ndarray | None = None
+    ) -> SignalEvidence:
+        """Return the evidence of some rows, whole runs; effects are in the units of the log without scales."""
+        at = np.arange(len(self.y))[rows]
         return SignalEvidence(
-            equation, self.y, names, columns, self.position_scale, self.contraction, without, self.simulator
-        )
+            {k: v[at] for k, v in self.signals.items()}, self.y[at], self.model(at), self.codes[at], self.dt,
+            self.equation, self.plant, scales or Scales(position=self.position_scale), self.units, self.columns,
+            self.names, None if without is None else without[at],
+        )  # fmt: skip
+
+    @property
+    def log(self) -> PortLog:
+        """The signals, as the log of a simulator with ports."""
+        starts, at = np.flatnonzero(np.diff(self.codes, prepend=-1)), np.arange(len(self.y))
+        since = at - starts[np.searchsorted(starts, at, side="right") - 1]
+        channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
+        return PortLog(channels, since * self.dt, starts, self.dt, [str(self.names[k]) for k in self.codes[starts]])
 
 
 def sampling_interval(signals: Table, codes: np.ndarray, otherwise: float = 1e-3) -> float:
@@ -176,39 +184,40 @@ def told_units(equation: str, contraction: bool, given: Mapping[str, str] | None
     return Units(**{**(si if contraction else unnamed), **(given or {})})
 
 
-def facing(m: Measured, sense: str | int = "auto", effects: str | Sequence[str] = "all") -> SignalEvidence:
-    """Return the evidence on one equation, under effects that act in the sense that explains more."""
-    without, notes = m.checked()
-    found = m.evidence(1 if sense == "auto" else int(sense), without)
-    if not len(found.first):
-        raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
-    # The tension, or the flow, of a muscle that is known is what it delivers.
-    if sense == "auto" and m.plant is None:
-        known = [t for name in found.library(effects) for t in templates(found, name)]
-        found = found if sense_of(found, known) > 0 else m.evidence(-1, without)
-    found.notes += notes
-    return found
+def library_for(effects: str | Sequence[str], equation: str, contraction: bool, units: Units) -> list[str]:
+    """Return the effects that a choice stands for, of `pamid.effects.base.KINDS` those of what the equation is about.
 
-
-def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
-    """Return the evidence on the equation that a simulator states."""
-    found = facing(Measured.of(simulator, log), simulator.sense)
-    found.given, found.notes = simulator, [*simulator.doubts(log), *found.notes]
-    return found
-
-
-def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator]) -> list[Simulator]:
-    """Return the simulator of each log that states its equation, what it fits to a log fitted to all that share its
-    numbers.
+    On one equation, damping of a joint is viscous friction by another name.
     """
-    import pandas as pd
+    from ..effects.registry import chosen_effects
 
-    alike: dict[str, list[pd.DataFrame]] = {}
-    for (name, log), simulator in zip(logs.items(), each, strict=True):
-        runs = [f"{name}: {run}" for run in log["trajectory"]]
-        alike.setdefault(repr(simulator.identity()), []).append(log.assign(trajectory=runs))
-    known = {key: pd.concat(some, ignore_index=True) for key, some in alike.items()}
-    return [s.problem(known[repr(s.identity())]).fitted or s for s in each]
+    about = {"force": "actuator", "torque": "motor" if units.target == "V" else "joint"}.get(equation, "gas")
+    library = chosen_effects(effects, "muscle" if contraction else about)
+    return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
+
+
+def gather(
+    m: Measured, library: Sequence[str], sense: str | int = "auto", without: np.ndarray | None = None, seed: int = 0
+) -> Gathered:
+    """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained."""
+    residual = m.y - m.nominal(m.signals)
+    lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(m.codes)) + 1, [len(m.codes)]])) * m.dt
+    scales = Scales(position=m.position_scale)
+    if m.plant is None:
+        scales = scales_of(m.signals, residual, float(np.median(lengths)), m.dt, m.position_scale, m.equation)
+
+    def look(towards: int) -> tuple[SignalEvidence, list[Template]]:
+        evidence = m.evidence(replace(scales, target=towards * scales.target), without=without)
+        return evidence, [t for name in library for t in templates(evidence, name)]
+
+    evidence, found = look(1 if sense == "auto" else int(sense))
+    # The tension, or the flow, of a muscle that is known is what it delivers.
+    if sense == "auto" and m.plant is None and sense_of(evidence, found) < 0:
+        evidence, found = look(-1)
+    noise = measured_noise(evidence)
+    learned = explainable(evidence, found, noise, seed)
+    evidence.assume(noise, learned.left)
+    return Gathered(evidence, noise, learned.rms, learned.share)
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:

@@ -9,8 +9,8 @@ import numpy as np
 
 from ..effects import EffectSpec
 from ..gap.one_equation import sampling_interval
-from ..gap.residuals.on_equation import OnEquation, Table
 from ..gap.residuals.rates import with_rates
+from ..gap.residuals.single import SignalEvidence, Table
 from ..simulators.placement import Scales
 from ..simulators.problem import Problem
 
@@ -38,12 +38,10 @@ class WithEffects:
                 problem.nominal(X.assign(**{columns[role]: table[role] for role in columns})), dtype=float
             )
 
-        signals, starts = with_rates(read, codes, self._dt), np.flatnonzero(np.diff(codes, prepend=-1))
-        found = OnEquation(
-            signals, nominal, self._dt, starts, problem.equation, problem.plant, sense=self.sense, predicted=modelled
-        )
-        places = found.placements(Scales())
-        return found.modelled([(places[name], places[name].made(values)) for name, values in self.effects])
+        signals, scales = with_rates(read, codes, self._dt), Scales(target=float(self.sense))
+        evidence = SignalEvidence(signals, modelled, nominal, codes, self._dt, problem.equation, problem.plant, scales)
+        made = [evidence.placements[name].made(values) for name, values in self.effects]
+        return np.asarray(modelled + evidence.added_by(made))
 
     def _codes_of(self, X: pd.DataFrame) -> np.ndarray:
         """Return the run of each row: all of the log's, some of them by their label, or else one."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
@@ -17,23 +16,23 @@ from ...errors import SimulatorRunError, UnknownOptionError
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
-from ...simulators.catalogue import chosen, port_effects
+from ...simulators.catalogue import placements, port_effects
 from ...simulators.commuting import commuting_paths, twins_of
 from ...simulators.of_parameters import FIXED
-from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
-from .linked import UNTURNED, Paths
+from .linked import Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
 from .repeats import pieces, repeating
 from .settled import Settled
+from .single import UNTURNED, memory_of
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
-from .whitening import Whitening, memory_of, smoothed
+from .whitening import Whitening, smoothed
 
 REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""
@@ -119,20 +118,18 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self._refuse_not_finite(plain)
         gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.sizes = self._surveyed(gaps)
-        self.placements = self._placed()
+        self.placements = placements(self.simulator, self.sizes)
         self._there = frozenset(self.placements)
         self._own = self._made_own()
         self.twins = self._twins()
         self.value = self._residual(self._own, self.simulator.numbers)
         self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
-        self._draw_noise()
-        self.memory = np.ones(len(self.parts))
-        self._repeat()
-        self._whiten()
+        self._measure_noise()
         self.weights = 1.0 / self.memory
+        lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.pace = self.sizes.time
-        self.stretch = 0.3 / self.pace
+        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self.pace != 1.0 else 0.3
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
@@ -180,14 +177,6 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     def effects(self) -> Mapping[str, type[Effect]]:
         """The library: each effect at each port."""
         return {key: place.effect for key, place in self.placements.items()}
-
-    def library(self, effects: str | Sequence[str], places: Mapping[str, Placement] | None = None) -> list[str]:
-        """Return the keys of a choice among the effects that can act here, or at some places."""
-        return chosen(self.placements if places is None else places, effects)
-
-    def heard(self, share: float) -> list[str]:
-        """Return what a reader is told of the residuals, of which a flexible learner predicts a share."""
-        return [f"The residuals are {self.how}."]
 
     # --- the simulator with causes ---------------------------------------------------------------------------
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
@@ -279,8 +268,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
         return [name for name in self.log.channels if name not in commands]
 
-    def _draw_noise(self) -> None:
-        """Estimate the noise of each window from copies of the log with as much noise again."""
+    def _measure_noise(self) -> None:
         rng = np.random.RandomState(0)
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
@@ -290,7 +278,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             noise = {n: x + sigma[n] * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
             self._copies.append(noise)
-        self.noise = np.empty(len(self.value))
+        self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
         self._drawn, self._whitening = drawn, Whitening()
         for k, part in enumerate(self.parts):
             power = np.mean(np.square(drawn[:, part]), axis=0)
@@ -301,6 +289,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
             least = max(0.04 * typical, accuracy**2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
+        self._repeat()
+        self._whiten()
 
     def _repeat(self) -> None:
         """Estimate the noise from repeated runs: no model of these signals predicts their difference.
@@ -309,10 +299,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         that many windows count as one.
         """
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
-        inputs, channels = self.simulator.inputs, self.log.channels
-        if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats
-            channels = {k: x for k, x in channels.items() if k in inputs}
-        for pair in repeating(replace(self.log, channels=channels), inputs):
+        for pair in repeating(self.log, self.simulator.inputs):
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
                     memory = memory_of(spread, np.zeros(len(spread), int))
@@ -357,9 +344,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
                 self.weights[k] = 1.0 / memory
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step
-                self.stretch = max(
-                    self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3 / self.pace, span / 24.0)))
-                )
+                self.stretch = max(self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3, span / 24.0))))
 
     def widen(self, times: Mapping[str, float]) -> None:
         """Scale the noise of equations."""
