@@ -91,10 +91,10 @@ def evaluate_simulator(
     return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})
 
 
-def _warn_of_idle(simulator: Simulator, evidence: PortEvidence) -> None:
+def _warn_of_idle(simulator: Simulator, evidence: PortEvidence | SignalEvidence) -> None:
     """Warn of effects of the simulator that a log leaves without anything to act on."""
     for name, where, _ in () if simulator.states_equation else simulator.effects:
-        if f"{name}@{where}" not in evidence.placements:
+        if f"{name}@{where}" not in evidence.effects:
             warnings.warn(
                 f"The simulator's own effect {name} at {where} cannot act on this log, where nothing moves there: the "
                 "simulator is evaluated without it.",
