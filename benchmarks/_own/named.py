@@ -71,7 +71,7 @@ def with_friction(system: System, cause: Cause, speed: float, scale: float) -> S
     return replace(system, rates=rates)
 
 
-def command_of(system: System, cause: Cause, deviation: np.ndarray, middle: np.ndarray, dt: float) -> Any:
+def command_of(system: System, cause: Cause, deviation: np.ndarray, middle: np.ndarray) -> Any:
     """Return what becomes of the inputs on their way."""
     row, kept = list(system.inputs).index(cause.port), list[np.ndarray]()
     size, late = cause.share * deviation[row], max(1, round(10 * cause.share))
@@ -155,7 +155,7 @@ def caused(
         return simulated(with_friction(system, cause, float(np.std(x[:, row])), scale), p, how, rng)
     if cause.port in system.inputs:
         deviation, middle = np.std(u, axis=(0, 2)), np.mean(u, axis=(0, 2))
-        return simulated(system, p, how, rng, command_of(system, cause, deviation, middle, how.dt))
+        return simulated(system, p, how, rng, command_of(system, cause, deviation, middle))
     return plain
 
 

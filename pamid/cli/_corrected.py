@@ -92,9 +92,8 @@ def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
 
     found, short = evaluate(log, simulator), {}
     for c in d.closure:
-        room = c.rmse_before**2 - c.noise_floor**2
-        if c.equation in found and room > 0.0 and not c.allowed:  # the report says what else it takes
-            closed = max((c.rmse_before**2 - found[c.equation].rmse ** 2) / room, 0.0)  # as the report counts it
+        if c.equation in found and not c.allowed:  # the report says what else it takes
+            closed = c.closed_by(found[c.equation].rmse)
             if closed < c.ci90[0] - _ROUNDED:
                 short[c.equation] = closed
     return short

@@ -32,6 +32,7 @@ from .residuals.part import MOST_ANSWERS, part_of
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE, Spec
 from .residuals.states import measured_states
+from .residuals.tolerances import rms
 from .settings import EXCESS
 
 if TYPE_CHECKING:
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
 
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
-    from .residuals.choice import PULLED, motion_is_hidden, noise_pulls, sensor_ends, sign_may_be_lost
+    from .residuals.choice import PREDICTED_IF, motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     at_ports = port_log(log, simulator)
@@ -62,12 +63,13 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
-    if sensor_ends(found) or motion_is_hidden(found):
+    if motion_is_hidden(found):
         return predicted()
-    if noise_pulls(found):
-        if not simulator.one_by_one:  # otherwise it would take too long
-            return predicted()
-        found.notes.append(PULLED)
+    for is_so, note in PREDICTED_IF:
+        if is_so(found):
+            if not simulator.one_by_one:  # otherwise it would take too long
+                return predicted()
+            found.notes.append(note)
     return found
 
 
@@ -229,26 +231,15 @@ def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:
 
     def shares(more: Mapping[str, float]) -> dict[str, float]:
         left = evidence.raw(evidence.z(spec, {**none, **own, **more})) * evidence.noise
-        return {c.equation: _closed(c, left[parts[c.equation]]) for c in found.closure}
+        return {c.equation: c.closed_by(rms(left[parts[c.equation]])) for c in found.closure}
 
     alone, told = shares({}), list[Closure]()
-    with_one = (
-        {k: shares({k: v}) for k, v in allowed.items()}
-        if any(alone[c.equation] < c.ci90[0] for c in found.closure)
-        else {}
-    )
+    short = {c.equation for c in found.closure if alone[c.equation] < c.ci90[0]}
+    with_one = {k: shares({k: v}) for k, v in allowed.items()} if short else {}
     for c in found.closure:
-        most = max(allowed, key=lambda k: with_one[k][c.equation]) if alone[c.equation] < c.ci90[0] else ""
+        most = max(allowed, key=lambda k: with_one[k][c.equation]) if c.equation in short else ""
         told.append(replace(c, alone=alone[c.equation], allowed=most))
     return told
-
-
-def _closed(c: Closure, left: np.ndarray) -> float:
-    """Return the share of an equation's gap that is closed where these residuals are left."""
-    room = c.rmse_before**2 - c.noise_floor**2
-    return (
-        float(np.clip((c.rmse_before**2 - np.mean(np.square(left))) / room, 0.0, 1.0)) if room > 0.0 else c.closed_share
-    )
 
 
 def in_units(

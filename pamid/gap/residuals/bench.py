@@ -39,10 +39,10 @@ class Evidence(Straight):
     """
 
     exact = True
+    overlap = 3
     lasting = ("rest_length", "rest_diameter", "braid_angle", "initial_contraction", "pulley_radius", "inertia")
     """Lengths, angles and masses; valves, friction and gas may change from day to day."""
     bends = False
-    overlap = 3
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
     least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""

@@ -11,6 +11,10 @@ from .direct import DirectEvidence
 from .stretches import BELOW
 from .tolerances import rms
 
+ENDED = (
+    "A reading stands at the end of its sensor's range: this kind of model is asked instant by instant, which takes "
+    "such rows for motion, and simulating it over stretches, which does not, would take too long. Leave these rows out."
+)
 PULLED = (
     "Noise in the readings biases fitted parameters by several standard errors: this kind of model is asked instant by "
     "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
@@ -23,11 +27,8 @@ AHEAD = 16
 
 
 def sensor_ends(found: DirectEvidence) -> bool:
-    """Return whether a reading stands at the end of its sensor's range: how far the motion goes, predictions show.
-
-    Simulators that answer one instant at a time take too long for them.
-    """
-    ode, channels = found.simulator.form == "ode" and not found.simulator.one_by_one, found.log.channels
+    """Return whether a reading stands at the end of its sensor's range: how far the motion goes, predictions show."""
+    ode, channels = found.simulator.form == "ode", found.log.channels
     return ode and any(end_of(channels[n], found.log.spans) for n in found.simulator.states if n in channels)
 
 
@@ -37,6 +38,10 @@ def noise_pulls(found: DirectEvidence) -> bool:
     Predictions need no readings along the way.
     """
     return found.simulator.form == "ode" and 0.5 * found.pulled() ** 2 > LEAST_GAIN
+
+
+PREDICTED_IF = ((sensor_ends, ENDED), (noise_pulls, PULLED))
+"""What predictions avoid, and what is said of a simulator for which they take too long."""
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:

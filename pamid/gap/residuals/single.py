@@ -44,9 +44,9 @@ class SignalEvidence(Straight):
     roles, `names` those of the runs, and windows with a row of `without` are left out.
     """
 
+    overlap = 3
     exact = False
     bends = False
-    overlap = 3
     """Any model may be wrong in several small ways at once."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
     """Windows in which none may be far out: none, where the noise is only guessed."""
