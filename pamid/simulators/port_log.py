@@ -153,7 +153,7 @@ def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
         if (end := one_sided_end(x := log.channels[name], log.spans)) is not None:
             rows = x == x[end.rows][0]
             gaps[name] = gaps.get(name, False) | rows
-            channels[name] = np.where(rows, np.interp(np.arange(log.n), np.flatnonzero(~rows), x[~rows]), x)
+            channels[name] = np.concatenate([_bridged(x[a:b], rows[a:b]) for a, b in log.spans])
             notes.append(
                 f"{name} stands at {x[end.rows][0]:.4g}, an end of what it reads, in {100 * rows.mean():.1f} % of the "
                 "rows while it moves elsewhere: its sensor's range ends there. These readings are left out."
@@ -188,3 +188,9 @@ def _even(t: np.ndarray, x: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarr
         nearest = np.minimum(np.abs(grid - t[known][after - 1]), np.abs(grid - t[known][after]))
         lost[:, k] = nearest > _AWAY * dt
     return grid, np.column_stack(columns), lost
+
+
+def _bridged(x: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """Return a signal of one run with straight lines over lost rows; as it is where all are lost."""
+    rows = np.arange(len(x))
+    return x if lost.all() else np.interp(rows, rows[~lost], x[~lost])

@@ -73,6 +73,22 @@ def test_the_end_of_a_range_is_named_where_all_states_are_logged() -> None:
     assert cause.parameters["limit"].value == pytest.approx(log["x"].max(), rel=2e-3)
 
 
+def test_a_model_that_takes_too_long_to_be_run_says_that_a_reading_ends() -> None:
+    slow = cart()
+    slow.one_by_one = True
+    notes = evidence_of(cut(log_of(rest=20.0)), slow).notes
+    assert any("stands at the end of its sensor's range" in note for note in notes)
+    assert not any("stands at the end" in note for note in evidence_of(log_of(rest=20.0), slow).notes)
+
+
+def test_what_is_left_out_is_bridged_within_its_run() -> None:
+    log = cut(log_of())
+    log.loc[log["trajectory"] == "1", "x"] = log["x"].max()  # one run stands there all along, the other one begins
+    log.loc[:5, "x"] = log["x"].max()
+    x = evidence_of(log, cart()).log.channels["x"]
+    assert np.all(x[:6] == log["x"][6]) and np.all(x[ROWS:] == log["x"].max())
+
+
 def test_a_run_that_begins_or_ends_at_rest_reaches_no_end() -> None:
     t = np.arange(200) * DT
     x = np.minimum(np.exp(-0.3 * t) * np.cos(3.0 * t), np.cos(0.4))
