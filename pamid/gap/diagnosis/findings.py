@@ -338,7 +338,7 @@ class Closure:
 
         Returns
         -------
-        share : float
+        float
             Share of the explainable mean square, 0 to 1; `closed_share` where nothing is explainable.
 
         Examples
