@@ -38,7 +38,7 @@ def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt
     """Return the states (y, ẏ) along the first axis after an interval."""
     M, old, new = transition(frequency, damping, dt, ramp)
     shape = (2, *[1] * np.ndim(v0))
-    return np.tensordot(M, x, 1) + old.reshape(shape) * v0 + new.reshape(shape) * v1
+    return (M @ x.reshape(2, -1)).reshape(x.shape) + old.reshape(shape) * v0 + new.reshape(shape) * v1
 
 
 def carried_along(

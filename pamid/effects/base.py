@@ -28,8 +28,9 @@ from __future__ import annotations
 
 from abc import ABC
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import cache
+from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -97,11 +98,18 @@ class Signals:
 
     def at(self, index: Any) -> Signals:
         """Return the signals at an index along the first axis."""
-        return Signals(*(None if v is None else v[index] for v in (getattr(self, f.name) for f in fields(self))))
+        return Signals(*(None if v is None else v[index] for v in _SIGNALS(self)))
 
     def with_(self, **changes: Array) -> Signals:
         """Return a copy with some signals replaced."""
-        return replace(self, **changes)
+        changed = Signals(*_SIGNALS(self))
+        for role, values in changes.items():
+            setattr(changed, role, values)
+        return changed
+
+
+_SIGNALS = attrgetter(*(f.name for f in fields(Signals)))
+"""All signals, in the order of their fields."""
 
 
 class FlowTerm(NamedTuple):
