@@ -5,8 +5,6 @@ from __future__ import annotations
 import os
 import resource
 from collections.abc import Iterator
-from functools import wraps
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,8 +24,11 @@ FIXTURE_SECONDS = 5.0
 """CPU seconds of a fixture above which all tests that need it are slow."""
 
 
-DRAWN = ("report", "test_browser", "test_check", "test_commands_by_kind", "test_commands_at_ports", "test_first_screen")
-"""Rooms and modules whose tests look at pictures of reports, or draw them for every kind of simulator."""
+DRAWN = (
+    "report", "test_browser", "test_check", "test_commands_by_kind", "test_commands_at_ports", "test_first_screen",
+    "test_plots", "test_resid",
+)  # fmt: skip
+"""Rooms and modules whose tests look at pictures, or draw them for every kind of simulator."""
 
 
 @pytest.fixture(scope="session")
@@ -41,18 +42,14 @@ def log() -> pd.DataFrame:
 
 
 @pytest.fixture(autouse=True, scope="module")
-def _quick_reports(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Leave the drawing of reports, which takes most of a small diagnosis, to the tests that look at them."""
+def _quick_pictures(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Leave the drawing of pictures, which takes most of a small diagnosis, to the tests that look at them."""
     with pytest.MonkeyPatch.context() as patch:
         if not {request.path.parent.name, request.path.stem} & set(DRAWN):
-            from pamid.report import svg
+            from support.pictures import leave_out
 
-            patch.setattr(svg, "inline_svg", wraps(svg.inline_svg)(_undrawn))
+            leave_out(patch)
         yield
-
-
-def _undrawn(figure: object, name: str, words: str) -> str:
-    return f'<svg viewBox="0 0 1 1" role="img" aria-label="{escape(words)}"></svg>'
 
 
 def slow_tests() -> set[str]:

@@ -34,15 +34,18 @@ from pamid.errors import OutputError
 from pamid.file_sets import UNFINISHED, replacing_together
 from pamid.files import write_whole
 from pamid.gap.design import search
+from pamid.opinion import passport
 from pamid.opinion.passport import Entry, Passport
 from pamid.signals import read_log, write_log
 from pamid.simulators import page_text
 
 pytestmark = pytest.mark.skipif(not hasattr(os, "fork"), reason="needs a system with fork")
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
-SHORT = ("simulate", "fit", "init", "passport")
+SHORT = ("simulate", "fit", "init")
 FMU = ("export-fmu",) if shutil.which("cc") else ()
-LONG = ("adapt", "export", "export-onnx", *FMU, "diagnose", "check", "check-html", "compare", "next", "resid")
+LONG = (
+    "adapt", "export", "export-onnx", *FMU, "diagnose", "check", "check-html", "compare", "next", "passport", "resid"
+)  # fmt: skip
 WRITES = {
     **{
         name: {"--out"}
@@ -107,14 +110,14 @@ def computed(bench, tmp_path_factory) -> Iterator[None]:
         return once(log, simulator, ["coulomb_friction"], **options)
 
     patch.setattr(any_simulator, "diagnose", short)
-    for module, name in ((pamid.compare, "compare"), (pamid.survey.survey, "survey")):
+    for module, name in ((pamid.compare, "compare"), (pamid.survey.survey, "survey"), (passport, "settled")):
         patch.setattr(module, name, remembered(getattr(module, name), whole=True))
     for module, name in ((pamid.report, "report_html"), (pamid.survey, "survey_html"), (search, "plan_next")):
         patch.setattr(module, name, remembered(getattr(module, name)))
     for which in ("old", "new"):
         (bench / f"found-{which}").mkdir()
         assert main(command("diagnose", which, bench, bench / f"found-{which}")) == 0
-    for name, which in itertools.product(("check", "compare", "next"), ("old", "new")):
+    for name, which in itertools.product(("check", "compare", "next", "passport", "resid"), ("old", "new")):
         assert main(command(name, which, bench, tmp_path_factory.mktemp("first"))) == 0
     yield
     patch.undo()
@@ -399,7 +402,7 @@ def small_disk(tmp_path) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(
-    "name", [*SHORT, "adapt", "export", "check", "check-html", "diagnose", "compare", "next", "resid"]
+    "name", [*SHORT, "adapt", "export", "check", "check-html", "diagnose", "compare", "next", "passport", "resid"]
 )
 def test_a_full_disk_is_noticed_before_the_work_begins(name, bench, results, small_disk, monkeypatch, capsys):
     def reached(*_: Any, **__: Any) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.pictures import leave_out
 
 from pamid.cli import main
 from pamid.simulators import EquationSimulator, ModelParameter, Port, page_text
@@ -80,7 +81,9 @@ def page(kind: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_commands_take_every_kind_of_simulator(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_take_every_kind_of_simulator(
+    kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
     log, more, sim = recorded(1, tmp_path, "one.csv"), recorded(2, tmp_path, "two.csv"), page(kind, tmp_path)
     given, out = ["--sim", sim, "--trust"], str(tmp_path / "out")
 
@@ -96,6 +99,7 @@ def test_commands_take_every_kind_of_simulator(kind: str, tmp_path: Path, capsys
     few = ["--effects", "viscous_friction,actuator_gain,sensor_gain,sensor_bias"]
     first = told("diagnose", log, *given, *few, "--out", out)
     assert {"report.html", "diagnosis.json", "state.json", "logs.parquet"} <= set(first["files"])
+    leave_out(monkeypatch)
     both = told("diagnose", log, more, *given, *few, "--out", str(tmp_path / "both"))
     assert [f["log"] for f in both["logs"]] == ["one", "two"]
     assert told("next", out, "--trust", "--designs", "16")["purpose"] in (
