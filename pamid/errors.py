@@ -258,6 +258,18 @@ class ForeignSimulatorError(PamidError, RuntimeError):
     page = "docs/simulator-fmu.md"
 
 
+class EffectError(PamidError, RuntimeError):
+    """The code of an effect has failed."""
+
+    page = "docs/own_effect.md"
+
+
+class LackingNumberError(PamidError, AttributeError):
+    """An effect reads a number that the system does not have."""
+
+    page = "docs/own_effect.md"
+
+
 class SimulatorNotFoundError(SimulatorFileError, FileNotFoundError):
     """No file where the simulator should be."""
 

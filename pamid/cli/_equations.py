@@ -93,7 +93,7 @@ def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]
     given = {name: _number(name, text) for name, text in starts.items()}
     ports = [
         Port(p.name, p.meaning, p.unit or (given[p.name].unit if p.name in given else "-"),
-             start=given[p.name].value if p.name in given else 0.0)
+             start=given[p.name].value if p.name in given else None)
         for p in draft.ports
     ]  # fmt: skip
     found = {name: _number(name, text) for name, text in numbers.items()}

@@ -83,21 +83,23 @@ def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
     said = {g.signal: str(g.column) for g in draft.guesses if g.signal} | {m.port: m.column for m in found}
     if simulator.kind != "fmu" or any(p.kind == "joint" for p in simulator.ports):
         return ""
+    kinds = {p.name: (p.kind, dimension(p.unit)) for p in simulator.ports}
+    inputs = [n for n, (kind, _) in kinds.items() if kind == "input"]
     for position, rate, force in (("angle", "angular rate", "torque"), ("length", "speed", "force")):
-        kinds = {p.name: (p.kind, dimension(p.unit)) for p in simulator.ports}
-        acting = [n for n, kind in kinds.items() if kind == ("input", force)]
+        acting = [n for n in inputs if kinds[n][1] == force]
         acting = [n for n in acting if n not in said] or acting  # what is not logged may stand for a load
+        acting = acting or (inputs if len(inputs) == 1 else [])  # the only drive acts where friction does, or before it
+        moving = [v for v, of_v in kinds.items() if of_v == ("output", rate) and v in said]
         pairs = [
             (q, v)
             for q, of_q in kinds.items()
-            for v, of_v in kinds.items()
-            if of_q == ("output", position) and of_v == ("output", rate) and {q, v} <= set(said)
-            if rate_between(t, frame[said[q]], frame[said[v]])[0] > 0.9
-        ]
+            for v in moving
+            if of_q == ("output", position) and q in said and rate_between(t, frame[said[q]], frame[said[v]])[0] > 0.9
+        ] or [("", v) for v in moving]
         if len(acting) == 1 == len(pairs):
             (q, v), through = pairs[0], acting[0]
             unit = simulator.port(through).unit
-            joint = Port(f"joint_of_{q}", "joint", unit, position=q, velocity=v, through=through)
+            joint = Port(f"joint_of_{q or v}", "joint", unit, position=q, velocity=v, through=through)
             simulator.ports = (*simulator.ports, joint)
             return joint.name
     return ""
@@ -106,7 +108,7 @@ def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
 def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[str, str]) -> list[str]:
     """Return what a log still lacks before a simulator can be compared with it, and how to say it."""
     signals = _signals(simulator)
-    wanted = [p for p in signals if p.kind == "input" and p.start == 0.0 and p.name not in columns]
+    wanted = [p for p in signals if p.kind == "input" and p.start is None and p.name not in columns]
     acting = {p.through for p in simulator.ports if p.through}
     if any(p.kind == "input" and p.name in columns for p in signals):
         wanted = [p for p in wanted if p.name not in acting]  # none by itself, as a disturbance is
@@ -132,10 +134,13 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
 
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     """Return whether a simulator file alone describes the columns of a log: its clock and runs need no mapping."""
+    from ..signals.headers import read_header
+
     clock, run = draft.of("time"), draft.of("trajectory")
     ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
     converted = any(m.unit and m.unit != (draft.unit_of(m.port) or m.unit) for m in found)
+    converted |= any(read_header(m.column).bracketed for m in found)  # a log without a mapping loses the brackets
     marked = any(m.named and m.why for m in found)
     return ticks and not given and not converted and not marked and (run is None or run.column == "trajectory")
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
+from ..errors import LackingNumberError
 from ..signals.state import Array
 
 BRAID_ANGLE = math.radians(25.0)
@@ -158,3 +159,12 @@ class Surroundings:
     critical_pressure_ratio: ClassVar[float] = 0.5
     reference_density: ClassVar[float] = 1.185
     initial_contraction: ClassVar[None] = None
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):
+            raise AttributeError(name)
+        raise LackingNumberError(
+            f"An effect reads {name!r}, which only a bench has.",
+            "atmospheric_pressure, critical_pressure_ratio or reference_density",
+            "State the effect without it.",
+        )

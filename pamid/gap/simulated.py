@@ -174,10 +174,7 @@ def _templates(evidence: PortEvidence, name: str) -> list[Template]:
     """Return the templates of an effect, and note which equations it changes."""
     place = evidence.placements[name]
     sizes = {p.name: abs(p.nominal or 0.1 * p.upper) for p in place.effect.parameters}
-    try:
-        found = laid(evidence, name)
-    except (TypeError, AttributeError, KeyError):  # it reads a missing signal
-        found = []
+    found = laid(evidence, name)
     evidence.touches(name, [t.columns * [sizes[n] for n in t.linear] if t.linear else t.columns for t in found])
     return found if evidence.touched([name]) else []
 

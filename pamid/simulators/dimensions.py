@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
+import traceback
 from collections.abc import Mapping
 from functools import cache
 from typing import Any
@@ -12,7 +13,7 @@ import numpy as np
 
 from ..effects import Effect, Parameter, Signals
 from ..effects.plant import Surroundings
-from ..errors import PamidError
+from ..errors import EffectError, PamidError
 
 _SHRUNK = 0.6
 _STARTS = np.array([0])
@@ -67,15 +68,16 @@ def _quietly(does: Any, effect: type[Effect], values: Mapping[str, float], scale
     try:
         with np.errstate(all="ignore"):
             return np.asarray(does(effect(**values), scale), dtype=float)
-    except (
-        TypeError,
-        AttributeError,
-        LookupError,
-        ValueError,
-        ArithmeticError,
-        PamidError,
-    ):  # it reads a signal or a number of a muscle, or a value is outside its bounds
+    except PamidError:  # it reads a number of a muscle, or a value is outside its bounds
         return None
+    except Exception as error:  # whatever a user's effect raises
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        raise EffectError(
+            f"The effect {effect.name} has failed with {type(error).__name__}: {error} "
+            f"({at.filename}, line {at.lineno}).",
+            f"elementwise functions of numpy, of the signals in its roles: {', '.join(effect.roles) or 'none'}",
+            "Correct its code.",
+        ) from error
 
 
 def _force(made: Effect, scale: float) -> Any:
@@ -85,6 +87,8 @@ def _force(made: Effect, scale: float) -> Any:
         position=scale * (0.1 + 0.03 * np.sin(3.0 * t) + 0.015 * np.sin(7.0 * t)),
         velocity=scale * (0.09 * np.cos(3.0 * t) + 0.105 * np.cos(7.0 * t)),
         pressure=3e5 + 1e5 * np.sin(2.0 * t),
+        pressure_rate=2e5 * np.cos(2.0 * t),
+        flow=1e-4 * np.cos(4.0 * t),
         command=np.sin(4.0 * t),
         force=20.0 + 10.0 * np.cos(5.0 * t),
     )

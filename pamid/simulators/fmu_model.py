@@ -33,7 +33,7 @@ from ..errors import (
 from ..files import named_from
 from .base import Simulator
 from .fmu_worker import is_whole, receive, send
-from .ports import ModelParameter, Port, merged
+from .ports import RESERVED, ModelParameter, Port, merged
 from .workers import ended, started
 
 SECONDS, BYTES = 60.0, 4 * 2**30
@@ -102,7 +102,12 @@ class FmuSimulator(Simulator):
         self._names = _distinct([v["name"] for v in self.described["variables"]])
         plain = {name: own for own, name in self._names.items()}
         own = [
-            Port(plain[v["name"]], v["causality"], v["unit"], start=_start(v) if v["causality"] == "input" else 0.0)
+            Port(
+                plain[v["name"]],
+                v["causality"],
+                v["unit"],
+                start=(_start(v) or None) if v["causality"] == "input" else None,
+            )
             for v in self.described["variables"]
             if v["causality"] in ("input", "output") and v["type"] in _NUMERIC
         ]
@@ -300,7 +305,7 @@ def _start(variable: Mapping[str, Any]) -> float:
 
 def _plain(name: str) -> str:
     plain = re.sub(r"\W+", "_", name).strip("_")
-    return plain if re.match(r"[A-Za-z_]", plain) else f"v_{plain}"
+    return plain if plain.isidentifier() and plain not in RESERVED else f"_{plain}"
 
 
 def _distinct(names: Sequence[str]) -> dict[str, str]:

@@ -223,7 +223,7 @@ class _Matcher:
             said = [c for c in columns if c.commanded] if kind[0] else []
             said = said or [c for c in columns if (c.dimensions or c.symbols | {c.dimension}) & kind[1]]
             unsaid = not kind[0] and any(
-                (True, kind[1]) == (p.commanded, p.dimensions) and p.port.start == 0.0 for p in left
+                (True, kind[1]) == (p.commanded, p.dimensions) and p.port.start is None for p in left
             )
             if len(ports) == len(said) and not (unsaid and not any(c.measured for c in said)):
                 found |= {p.port.name: c.name for p, c in zip(ports, said, strict=True)}

@@ -98,7 +98,7 @@ class PortLog:
     def inputs(self, simulator: Simulator) -> np.ndarray:
         """Return the inputs, shape (n_inputs, n); those that were not logged are at their start value."""
         rows = [
-            self.channels[p.name] if p.name in self.channels else np.full(self.n, p.start)
+            self.channels[p.name] if p.name in self.channels else np.full(self.n, p.begins)
             for p in simulator.ports
             if p.kind == "input"
         ]
@@ -109,7 +109,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     """Return a log at the ports of a simulator."""
     signals = [p for p in simulator.ports if p.kind in ("input", "output", "state")]
     has = ", ".join(map(str, log.columns[:20]))
-    wanted = [p for p in signals if p.kind == "input" and (p.column or p.start == 0.0)]
+    wanted = [p for p in signals if p.kind == "input" and (p.column or p.start is None)]
     mute = {p.through for p in simulator.ports if p.through}
     lacking = [p.source for p in wanted if p.source not in log.columns and (p.column or p.name not in mute)]
     if "time" not in log.columns:
@@ -119,7 +119,8 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
         raise MissingColumnError(
             f"The log lacks {', '.join(lacking)}; it has {has}.",
             f"time, and a column for each input: {', '.join(p.source for p in wanted if p.name not in mute) or 'none'}",
-            "Name the columns in [ports], or map them ('pamid init' writes both).",
+            "Name the columns in [ports], or map them ('pamid init' writes both). An input that stands still needs "
+            "none: its port says start = VALUE.",
         )
     if not any(p.kind in ("output", "state") for p in there):
         raise MissingColumnError(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -15,7 +14,8 @@ from ..errors import ParameterError, UnknownOptionError
 
 KINDS = ("input", "output", "state", "joint", "chamber", "parameter")
 """Kinds of ports. A joint joins a position and its velocity, a chamber is where something is stored and may leak."""
-_NAME = re.compile(r"[A-Za-z_]\w*$")
+RESERVED = ("trajectory", "time")
+"""Columns of a log that name its runs and its clock."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Port:
     through : str, default=""
         For a joint or chamber: the input through which forces or flows act on it. Without one they are added to the
         rate of its velocity or level.
-    start : float, default=0.0
-        For a state: its value at the start of a run where the log does not say; for an input that is not logged, its
-        value.
+    start : float, optional
+        For a state: its value at the start of a run where the log does not say, 0 by default; for an input that is not
+        logged, the value at which it stands.
 
     Raises
     ------
@@ -66,10 +66,10 @@ class Port:
     velocity: str = ""
     level: str = ""
     through: str = ""
-    start: float = 0.0
+    start: float | None = None
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or not _NAME.match(self.name):
+        if not isinstance(self.name, str) or not self.name.isidentifier():
             raise ParameterError(
                 f"A port is named {self.name!r}.", "a name of letters, digits and _", "Choose a plain name."
             )
@@ -77,13 +77,24 @@ class Port:
             raise UnknownOptionError(
                 f"The port {self.name} is of the kind {self.kind!r}.", f"one of {', '.join(KINDS)}", "Correct it."
             )
-        if isinstance(self.start, bool) or not isinstance(self.start, (int, float)) or not math.isfinite(self.start):
+        if self.kind in ("input", "output", "state") and self.source == RESERVED[0]:
+            raise ParameterError(
+                f"The port {self.name} is read from the column {self.source!r}.", "another column: it names the runs",
+                "Give the port another name, or the key 'column'.",
+            )  # fmt: skip
+        said = 0.0 if self.start is None else self.start
+        if isinstance(said, bool) or not isinstance(said, (int, float)) or not math.isfinite(said):
             raise ParameterError(f"start of the port {self.name} is {self.start!r}.", "a number", "Write a number.")
 
     @property
     def source(self) -> str:
         """Column of the log that holds it."""
         return self.column or self.name
+
+    @property
+    def begins(self) -> float:
+        """Value at the start of a run, or of an input that is not logged; 0 where none is said."""
+        return 0.0 if self.start is None else float(self.start)
 
 
 @dataclass(frozen=True)

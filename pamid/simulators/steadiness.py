@@ -49,7 +49,7 @@ def _asked(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray]:
     at = np.arange(a, b)  # a whole run: a cut one may differ
     if simulator.form != "run":
         at = np.unique(np.linspace(a, b - 1, _INSTANTS).astype(int))
-    starts = {p.name: p.start for p in simulator.ports}
+    starts = {p.name: p.begins for p in simulator.ports}
     x, u = (
         np.array([log.channels.get(n, np.full(log.n, starts.get(n, 0.0)))[at] for n in names]).reshape(-1, len(at))
         for names in (simulator.states, simulator.inputs)

@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.errors import ImplausibleParameterError, SimulatorWarning, UnknownOptionError
+from pamid.effects import Effect, Parameter
+from pamid.effects.plant import Surroundings
+from pamid.errors import (
+    EffectError,
+    ImplausibleParameterError,
+    LackingNumberError,
+    MissingColumnError,
+    SimulatorWarning,
+    UnknownOptionError,
+)
 from pamid.gap import evaluate_simulator
 from pamid.gap.simulated import evidence_of
-from pamid.simulators import FunctionSimulator, Port, read_simulator
+from pamid.simulators import FunctionSimulator, Port, port_effects, read_simulator
 from pamid.simulators.catalogue import chosen
+from pamid.simulators.port_log import port_log
 
 
 def cart(*effects: tuple[str, str, dict[str, float]]) -> FunctionSimulator:
@@ -114,3 +125,37 @@ def test_a_friction_by_direction_is_not_sought_beside_an_offset_and_coulomb_fric
     assert chosen(found, ["directional_friction", "coulomb_friction"]) == [
         "directional_friction@x", "coulomb_friction@x",
     ]  # fmt: skip
+
+
+def test_a_mistake_in_the_code_of_an_effect_is_told_with_its_line() -> None:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Effect, "registry", dict(Effect.registry))
+
+        class Misspelt(Effect):
+            """An effect that reads a signal which it does not have."""
+
+            name, family, equations, roles, kinds = "misspelt", "friction", ("force",), ("velocity",), ("joint",)
+            source, parameters = "-", (Parameter("size", "N", 0.0, 10.0, 1.0, "its size", linear=True),)
+            size: float
+
+            def force(self, s, x, plant):
+                return -self.size * np.sign(s.speed)
+
+        with pytest.raises(EffectError, match=r"misspelt has failed with AttributeError.*speed.*page.py, line \d+"):
+            evidence_of(log(1.0), cart())
+
+
+def test_an_effect_that_needs_a_bench_is_none_of_a_port() -> None:
+    assert "thread_extensibility" not in port_effects()
+    with pytest.raises(LackingNumberError, match="'thread_length', which only a bench has"):
+        _ = Surroundings().thread_length
+
+
+@pytest.mark.parametrize("stands", [0.0, 1.5])
+def test_an_input_without_a_column_stands_where_its_port_says(stands: float) -> None:
+    ports = [Port("u", "input", "N"), Port("wind", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    blown = FunctionSimulator(lambda t, x, u, p: [x.v, (u.u + u.wind) / 2.0], ports, {})
+    with pytest.raises(MissingColumnError, match=r"lacks wind.*start = VALUE"):
+        evidence_of(log(1.0), blown)
+    still = FunctionSimulator(blown.function, [replace(p, start=stands) if p.name == "wind" else p for p in ports], {})
+    assert np.all(port_log(log(1.0), still).inputs(still)[1] == stands)

@@ -41,3 +41,16 @@ def test_drag_of_a_fall_is_named_beside_a_spring():
 def test_no_lever_turns_along_a_travel():
     placed = evidence_of(drops(), FALL).placements
     assert "viscous_friction@h" in placed and "gravity@h" not in placed
+
+
+def test_effects_of_a_path_act_where_runs_are_predicted_and_no_position_is_a_state():
+    ports = [Port("u", "input", "N"), Port("v", "state", "m/s"), Port("a", "output", "m/s^2")]
+    cart = EquationSimulator({"dv/dt": "(u - v) / m", "a": "(u - v) / m"}, ports, {"m": (2.0, 0.0, "kg")})
+    t, v, rows = np.arange(0.0, 8.0, 0.02), 0.0, []
+    u = 3.0 * np.sin(1.3 * t) + np.sin(4.1 * t)
+    for force in u:
+        rows.append((force - v) / 2.0)
+        v = force + (v - force) * np.exp(-0.01)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(len(t))
+    evidence = evidence_of(pd.DataFrame({"trajectory": "0", "time": t, "u": u, "a": rows + noise}), cart)
+    assert evidence.touched(["hysteresis@v"]) == evidence.touched(["viscous_friction@v"]) == ["a"]

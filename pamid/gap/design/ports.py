@@ -57,7 +57,7 @@ class PortRig(PortInputs):
         signals = last.signals()
         return np.array(
             [
-                float(np.median(signals[s][last.log.starts])) if s in signals else self.simulator.port(s).start
+                float(np.median(signals[s][last.log.starts])) if s in signals else self.simulator.port(s).begins
                 for s in self.simulator.states
             ]
         )
@@ -86,7 +86,7 @@ class PortRig(PortInputs):
             k = list(self.simulator.parameters).index(name)
             numbers[k] = value * numbers[k] / self.simulator.get(name) if self.simulator.get(name) else value
         active, steps = last.active(truth.spec), int(getattr(last, "substeps", 1))
-        usual = {p.name: p.start for p in self.simulator.ports if p.kind == "input"}
+        usual = {p.name: p.begins for p in self.simulator.ports if p.kind == "input"}
         usual |= {n: float(np.median(last.log.channels[n])) for n in usual if n in last.log.channels}
         noise = {n: last.channel_noise(n) for n in self._read}
         columns = {p.name: p.source for p in self.simulator.ports}

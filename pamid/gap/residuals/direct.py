@@ -256,7 +256,7 @@ class DirectEvidence(UndoneEvidence):
         for position, velocity in self.derived.items():
             known = channels[position] is log.channels[position] and velocity in self._table
             table[velocity] = self._table[velocity] if known else self._derivative(position, channels[position])
-        x = np.stack([table.get(s, np.full(log.n, self.simulator.port(s).start)) for s in self.simulator.states]) if (
+        x = np.stack([table.get(s, np.full(log.n, self.simulator.port(s).begins)) for s in self.simulator.states]) if (
             self.simulator.states
         ) else np.zeros((0, log.n))  # fmt: skip
         table.update(zip(self.simulator.states, x, strict=True))

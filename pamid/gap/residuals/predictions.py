@@ -312,8 +312,7 @@ class PredictedEvidence(StretchEvidence):
 
         def made() -> Response:
             firsts = np.array([s.first for s in self.stretches])
-            joints = self.joints if drive.acting else ()
-            found = Response(self.simulator, self.log, firsts, np.concatenate(states, axis=1), drive, joints)
+            found = Response(self.simulator, self.log, firsts, np.concatenate(states, axis=1), drive, self.joints)
             self.simulated += found.evaluations / (4.0 * self.substeps)
             return found
 

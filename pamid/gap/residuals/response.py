@@ -69,7 +69,7 @@ class Response:
 
     def __init__(
         self, simulator: Simulator, log: PortLog, firsts: np.ndarray, states: np.ndarray, drive: Drive,
-        joints: Sequence[JointPort] = (),
+        joints: Sequence[JointPort],
     ) -> None:  # fmt: skip
         self.simulator, self.log, self.firsts = simulator, log, firsts
         self.x = np.nan_to_num(states)

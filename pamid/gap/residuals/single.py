@@ -13,6 +13,7 @@ import numpy as np
 
 from ...effects import Effect, Parameter, Plant
 from ...equations.noise import channel_noise
+from ...errors import LackingNumberError
 from ...remembered import Remembered
 from ...signals.paths import steady_path, turns_back
 from ...signals.roles import ROLES, STATE_ROLES
@@ -274,7 +275,7 @@ class SignalEvidence(Straight):
             try:
                 typical = {p.name: self.reached(p).nominal for p in effect.parameters}
                 self._touched[name] = bool(known and np.any(self.added({name: typical})))
-            except (TypeError, AttributeError, KeyError):  # it reads a signal or a number that is not there
+            except LackingNumberError:
                 self._touched[name] = False
         return self._touched[name]
 

@@ -42,7 +42,7 @@ def probe(simulator: Simulator, log: PortLog) -> tuple[np.ndarray, np.ndarray, n
 
 
 def _around(simulator: Simulator, state: str, rng: np.random.RandomState, at: np.ndarray) -> np.ndarray:
-    start = simulator.port(state).start
+    start = simulator.port(state).begins
     return start + 0.1 * (abs(start) or 1.0) * rng.uniform(0.1, 1.0, len(at))
 
 

@@ -72,7 +72,7 @@ class StretchEvidence(PortEvidence):
             self._round = full_turns(simulator, *probe(simulator, log))
             hidden = {v: x for x, v in pairs_of(simulator, log).items() if x in log.channels}
             self._moves = {v: x for v, x in hidden.items() if v not in log.channels}
-        self._guess = np.array([simulator.port(s).start for s in simulator.states])
+        self._guess = np.array([simulator.port(s).begins for s in simulator.states])
 
     @abstractmethod
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
