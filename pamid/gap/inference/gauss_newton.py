@@ -23,12 +23,8 @@ NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
 MIX = 0.4
 """How far a share of another form may go in one step."""
-FAR_ENOUGH = 10.0
-"""Reuse the Jacobian after steps that gain more than this times the tolerance."""
 LAID, FINAL = 24, 0.1
 """Most steps of a fit that is relinearised as it goes, and the gain that ends it."""
-PROMISED = 0.1
-"""Share of what ends a fit that a step must promise to first order to be a run."""
 
 
 @dataclass(frozen=True)
@@ -128,7 +124,7 @@ class Fitter:
         Whitening gives slow errors more weight: a fit there may leave more in one equation to have less in another.
         """
         evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
-        if evidence.curved:
+        if evidence.bends:
             found = self._descended(fit.spec, fit.x, LAID, FINAL, -np.inf, held=True, turned=evidence.raw)
             return replace(fit, x=found.x, z=evidence.white(found.z))
 
@@ -157,7 +153,7 @@ class Fitter:
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, linearised where the fit ends."""
-        if self.evidence.curved:
+        if self.evidence.bends:
             return self._descended(spec, x, LAID, FINAL, -np.inf, held=True)
         return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
 
@@ -182,42 +178,33 @@ class Fitter:
         """Fit everything with the tolerances linearised at deviations x; also return where it was linearised last."""
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
-        if self.evidence.curved:
+        if self.evidence.bends:
             found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
             return found, found.x
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)
-        damping, anew = 1.0, True
-        D = moved = changed = np.zeros(0)
+        damping = 1.0
         for _ in range(steps):
-            found_D, lower, upper = self.jacobian(slots, phi, z, x, None if anew else ())
-            D = found_D if anew else _turned(D, moved, changed, slots)
+            D, lower, upper = self.jacobian(slots, phi, z, x)
             solved = self.linear(
                 z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
             )
-            if self.evidence.bends and solved.loglik < max(behind, best.loglik + PROMISED * gain):
-                break
-            step, at = solved.x[self.n :], x
+            step = solved.x[self.n :]
             while True:
                 trial = np.array(
                     [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
                 )
-                if self.evidence.bends:  # each is a run: it is also made where the tolerances will be
-                    at = best.x + damping * (solved.x[: self.n] - best.x)
-                z_trial = self.evidence.tangent(_spec(slots, trial), at)
+                z_trial = self.evidence.tangent(_spec(slots, trial), x)
                 found = self._fit(_spec(slots, trial), z_trial, best.x)
                 if found.loglik > best.loglik or damping < 0.1:
                     break
                 damping *= 0.35
             if found.loglik <= best.loglik:
                 break
-            moved, changed = trial - phi, z_trial - z
-            added, best, phi, z, x = found.loglik - best.loglik, found, trial, z_trial, at
+            added, best, phi, z = found.loglik - best.loglik, found, trial, z_trial
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
-            # Where each residual is a simulator run, a step that gained much updates the sensitivities.
-            anew = not self.evidence.bends or added < FAR_ENOUGH * gain
         return best, x
 
     def _descended(
@@ -293,15 +280,6 @@ def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solv
         if moved < NEAR:
             break
     return found
-
-
-def _turned(
-    D: np.ndarray, moved: np.ndarray, changed: np.ndarray, slots: Sequence[tuple[str, Parameter]]
-) -> np.ndarray:
-    """Return sensitivities that agree with the last step by the least change (Broyden)."""
-    along = moved / np.square([abs(p.nominal) or p.upper - p.lower for _, p in slots])
-    power = float(along @ moved)
-    return D + np.outer(changed - D @ moved, along) / power if power > 0.0 else D
 
 
 def slots_of(effects: Mapping[str, type[Effect]], spec: Spec) -> list[tuple[str, Parameter]]:
