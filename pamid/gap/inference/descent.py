@@ -90,7 +90,9 @@ def descend(
         lower, upper = np.maximum(room.lower - here.x, -room.back), np.minimum(room.upper - here.x, room.on)
         full = bounded(H, g, lower, upper)
         promised = loglik(here.z + A @ full, parts, weights)[0] - prior.cost(here.x + full)
-        if promised <= max(behind, here.loglik + enough):
+        # A step that is cut short promises less than the way that goes on from there.
+        short = bool(np.any(((full <= -room.back) & (lower == -room.back)) | ((full >= room.on) & (upper == room.on))))
+        if promised <= here.loglik + enough or (promised <= behind and not short):
             if anew:
                 break
             anew = True
