@@ -179,7 +179,7 @@ class Fitter:
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         if self.evidence.bends:
-            found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
+            found = self._descended(_spec(slots, phi), x, LAID, gain, behind)
             return found, found.x
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)
