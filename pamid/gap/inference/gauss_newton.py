@@ -23,7 +23,7 @@ NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
 MIX = 0.4
 """How far a share of another form may go in one step."""
-LAID, FINAL = 24, 0.1
+LAID, FINAL = 24, 0.3
 """Most steps of a fit that is relinearised as it goes, and the gain that ends it."""
 
 
@@ -179,7 +179,7 @@ class Fitter:
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
         if self.evidence.bends:
-            found = self._descended(_spec(slots, phi), x, LAID, gain, behind)
+            found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
             return found, found.x
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)

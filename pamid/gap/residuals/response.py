@@ -153,10 +153,10 @@ class Response:
             term = term @ A / k
             integral = integral + term
         step = identity + A @ integral
-        for _ in range(halvings):
-            integral = 0.5 * (integral + integral @ step)
-            step = step @ step
-        return np.clip(step, -_MOST, _MOST), np.clip(integral, -_MOST, _MOST) * dt
+        for _ in range(halvings):  # clipped in between, so that what grows without end stays finite
+            integral = np.clip(0.5 * (integral + integral @ step), -_MOST, _MOST)
+            step = np.clip(step @ step, -_MOST, _MOST)
+        return step, integral * dt
 
     def to(self, drive: Drive) -> np.ndarray:
         """Return by how much the states change under another drive, shape (n_states, n)."""

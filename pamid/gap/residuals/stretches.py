@@ -230,7 +230,8 @@ class StretchEvidence(PortEvidence):
             A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
             left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
             first = A if first is None else first
-            size = np.sqrt(np.sum(np.square(A), axis=1)) + 1e-300
+            size = np.sqrt(np.sum(np.square(A), axis=1))
+            size = np.where(size > 0.0, size, 1.0)  # a number that acts on nothing stays where it is
             # Tolerances have the same prior as in fits: parameters with little influence stay near their values.
             prior = TOLERANCE * power(error) / sum(e.size for e in error)
             for _ in range(4):
