@@ -11,7 +11,7 @@ from .dimensions import unit_powers
 from .laws_between import ONE_BODY, Passage, Play
 from .links import Link
 from .placement import Placement, Scales, narrowed
-from .placing import GAP, STRAIN, without_pressure
+from .placing import GAP, STRAIN, follows_motion
 from .placing import placed as place_at
 from .reciprocity import factor_of
 
@@ -33,8 +33,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
         if kind not in (("joint", "link") if motion else ("chamber",)) or effect.family in ONE_BODY:
             continue
         if motion:
-            pressed = "pressure" in effect.roles and not without_pressure(effect)
-            if pressed or name == ("spring" if link.stiffness else "backlash"):
+            if not follows_motion(effect) or name == ("spring" if link.stiffness else "backlash"):
                 continue
             scale = span / STRAIN
         elif effect.domain != link.domain or name == "overflow":

@@ -18,7 +18,7 @@ from .dimensions import powers, unit_powers
 from .laws_between import LAWS
 from .of_parameters import OF_PARAMETERS, at_parameters
 from .placement import Placement, Scales, narrowed
-from .placing import GAP, PASCAL, STRAIN, placed, without_pressure
+from .placing import GAP, PASCAL, STRAIN, follows_motion, placed
 from .sizes import SignalSizes
 from .structure import rate_unit
 
@@ -171,9 +171,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if kind != "joint" or not set(effect.roles) <= {"position", "velocity", "pressure"}:
-                continue
-            if "pressure" in effect.roles and not without_pressure(effect):
+            if kind != "joint" or not follows_motion(effect):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)

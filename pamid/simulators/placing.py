@@ -87,6 +87,9 @@ def _reached(p: Parameter, top: float, least: float) -> Parameter:
     return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
 
 
-def without_pressure(effect: type[Effect]) -> bool:
-    """Return whether an effect that may depend on a pressure works without one."""
-    return any(p.linear and p.nominal and "Pa" not in unit_powers(p.unit) for p in effect.parameters)
+def follows_motion(effect: type[Effect]) -> bool:
+    """Return whether an effect of a motion works where nothing else is known: neither a pressure nor a load."""
+    if not set(effect.roles) <= {"position", "velocity", "pressure"}:
+        return False
+    free = any(p.linear and p.nominal and "Pa" not in unit_powers(p.unit) for p in effect.parameters)
+    return free or "pressure" not in effect.roles

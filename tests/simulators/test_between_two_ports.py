@@ -340,3 +340,12 @@ def test_ends_without_a_coupling_need_what_they_yield() -> None:
         evidence_of(masses(), free.with_(between=[Between("xa", "xb")]))
     [link] = evidence_of(masses(), free.with_(between=[Between("xa", "xb", inertia=("1", "2"))])).links
     assert link.unit == "N" and link.typical == pytest.approx((1.0, 0.5)) and link.stiffness == 0.0
+
+
+def test_every_effect_of_the_library_between_two_ports_finds_what_it_reads() -> None:
+    evidence = evidence_of(drive_log(driven()), DRIVE)
+    between = {name: place for name, place in evidence.placements.items() if place.link is not None}
+    assert "coulomb_friction@motor and load" in between
+    for name, place in between.items():
+        nominal = place.outward({p.name: p.nominal for p in place.effect.parameters})
+        assert np.isfinite(evidence.change({name: nominal}, {}, np.zeros(len(evidence.free)))).all(), name
