@@ -212,7 +212,7 @@ def _causes(fitter: Fitter, verdict: Verdict, clusters: Clusters, closure: list[
     for name in fit.spec:
         rest = {k: v for k, v in fit.spec.items() if k != name}
         added = evidence.raw(whole - (evidence.z(rest) if rest else evidence.z0))
-        equation = main_equation(evidence, name, added)
+        equation = main_equation(evidence, name, added, by_equation)
         closed = by_equation[equation]
         share = part_of[name] * closed.closed_share if len(fit.spec) > 1 else closed.closed_share
         ci = tuple(part_of[name] * v for v in closed.ci90) if len(fit.spec) > 1 else closed.ci90

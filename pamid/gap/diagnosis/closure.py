@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..inference.gauss_newton import Fit, Fitter, slots_of
@@ -189,11 +191,14 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
     return {name: float(np.clip(v / total, 0.0, 1.0)) for name, v in share.items()}
 
 
-def main_equation(evidence: ResidualSource, effect: str, contribution: np.ndarray) -> str:
-    """Return the equation in which an effect is strongest."""
-    strength = {
-        name: float(np.mean(np.square(contribution[part])))
-        for name, part in zip(evidence.equations, evidence.parts, strict=True)
-    }
+def main_equation(
+    evidence: ResidualSource, effect: str, contribution: np.ndarray, closure: Mapping[str, Closure]
+) -> str:
+    """Return the equation in which an effect closes most: its strength there, at most what all causes close."""
+    strength = {}
+    for name, part in zip(evidence.equations, evidence.parts, strict=True):
+        c = closure[name]
+        closed = (c.rmse_before**2 - c.rmse_after**2) / c.noise_floor**2 if c.noise_floor > 0.0 else np.inf
+        strength[name] = min(float(np.mean(np.square(contribution[part]))), closed)
     allowed = evidence.touched([effect]) or evidence.equations
     return max(allowed, key=lambda e: strength[e])
