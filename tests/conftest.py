@@ -25,8 +25,8 @@ FIXTURE_SECONDS = 5.0
 
 
 DRAWN = (
-    "report", "test_browser", "test_check", "test_commands_by_kind", "test_commands_at_ports", "test_first_screen",
-    "test_plots", "test_resid",
+    "report", "test_browser", "test_check", "test_commands_by_kind", "test_commands_at_ports", "test_plots",
+    "test_resid",
 )  # fmt: skip
 """Rooms and modules whose tests look at pictures, or draw them for every kind of simulator."""
 

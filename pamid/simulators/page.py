@@ -37,6 +37,8 @@ _TABLES = ("ports", "parameters", "between", "effects")
 MODELS = (".xml", ".fmu")
 """Endings of models that are read without a page."""
 _PORT = {f.name: f.type for f in fields(Port)}
+_NOT_KINDS = {"fmu_wrapper"}
+"""It holds no kind, and imports all that writes C code."""
 
 
 def bare_model(path: Path, trust: bool = False) -> Simulator:
@@ -50,7 +52,7 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
 @cache
 def simulator_kinds() -> dict[str, type[Simulator]]:
     """Return the kinds of simulators that a simulator file may name, with their classes."""
-    found = {kind: cls for cls in subclasses("pamid.simulators", Simulator) for kind in cls.kinds}
+    found = {kind: cls for cls in subclasses("pamid.simulators", Simulator, _NOT_KINDS) for kind in cls.kinds}
     expected = "a whole class below pamid.simulators.Simulator with kinds of its own"
     for source, thing in plugins("pamid.simulators", expected):
         whole = isinstance(thing, type) and issubclass(thing, Simulator) and not isabstract(thing)
