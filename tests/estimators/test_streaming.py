@@ -310,7 +310,7 @@ def test_the_order_of_time_takes_nothing_away(case, sources):
         train, test = in_time(columns, 0, effect), in_time(columns, 1, effect)
         with warnings.catch_warnings():
             warnings.simplefilter("error", StreamChangeWarning)
-            late = streamed(clone(model), batches(train, columns, None, 4), columns, target)
+            late = streamed(clone(model), batches(train, columns, None, 3), columns, target)
         whole = clone(model).fit(*given(train, columns, target))
         for table in (train, test):
             wanted = error(whole, table, columns, target)

@@ -26,10 +26,10 @@ ARM = """<mujoco><compiler angle="radian"/><worldbody><body>
 LIBRARY = ["sensor_gain", "parameter_deviation", "coulomb_friction", "viscous_friction", "actuator_backlash", "creep"]
 
 
-def log_of(xml: str, seed: int, play: float = 0.0) -> pd.DataFrame:
+def log_of(xml: str, seed: int, play: float = 0.0, seconds: float = 10.0) -> pd.DataFrame:
     """Return a log at 100 Hz, encoders of 12 bits; the elbow's command may have a play before it acts."""
     model = mujoco.MjModel.from_xml_string(xml)
-    data, rng, t = mujoco.MjData(model), np.random.default_rng(seed), np.arange(0.0, 10.0, 0.01)
+    data, rng, t = mujoco.MjData(model), np.random.default_rng(seed), np.arange(0.0, seconds, 0.01)
     u, rows, followed = np.empty((2, len(t))), [], 0.0
     for k in range(2):
         rate, phase = 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
@@ -60,7 +60,7 @@ def test_the_right_arm_has_no_gap_and_no_sensor_a_gain(arm: MujocoSimulator) -> 
 def test_dry_friction_is_no_play_of_its_servos_command(arm: MujocoSimulator) -> None:
     """While it holds the joint, both say the same force; the joint goes on when its command turns, though."""
     rough = ARM.replace('<joint name="elbow"', '<joint name="elbow" frictionloss="0.15"')
-    (cause,) = diagnose_simulator(log_of(rough, 1), arm, LIBRARY).causes
+    (cause,) = diagnose_simulator(log_of(rough, 1, seconds=6.0), arm, LIBRARY).causes
     assert cause.effects[0] == "coulomb_friction" and cause.where[0] == "elbow"
     assert cause.parameters["amplitude"].value == pytest.approx(0.15, rel=0.05)
 

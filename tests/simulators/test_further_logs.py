@@ -15,7 +15,7 @@ import pytest
 
 from pamid.cli import main
 
-WIDE = "--designs 16 --limit force=-60:60 --keep stage_q=-5:5 --keep stage_dq=-20:20"
+WIDE = "--designs 8 --limit force=-60:60 --keep stage_q=-5:5 --keep stage_dq=-20:20"
 LIBRARY = "viscous_friction,coulomb_friction,actuator_gain"
 FUNCTION = """kind = "ode"
 [ode]
