@@ -22,9 +22,8 @@ from pamid.bench import BenchParameters, simulate, sine, step, triangle
 from pamid.effects import Effect, Parameter, all_effects
 from pamid.gap.inference.sensitivity import Template, templates
 from pamid.gap.residuals.bench import Evidence
-from pamid.gap.residuals.on_equation import strain_scale
+from pamid.gap.residuals.on_equation import OnEquation, strain_scale
 from pamid.gap.residuals.single import SignalEvidence
-from pamid.simulators.placement import Scales
 
 SMALL, LARGE = 3.0, 300.0
 """Size of an effect, in standard deviations of the noise."""
@@ -110,13 +109,15 @@ def signals(kind: str, rng: np.random.Generator) -> tuple[dict[str, np.ndarray],
 
 def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator[tuple[str, list[float]]]:
     """Yield each effect of a muscle, cylinder or joint with the shares that its grid explains."""
-    equation, kinds = KINDS[kind]
+    target_kind, kinds = KINDS[kind]
     table, target, codes = signals(kind, rng)
+    equation = OnEquation(table, lambda _: target, DT, np.flatnonzero(np.diff(codes, prepend=-1)), target_kind)
     noise, scale = 0.004 * float(np.std(target)), strain_scale(table["position"], kind == "muscle")
 
     def held(y: np.ndarray, gap: float) -> Any:
-        scales = Scales(scale, target=gap / 10.0)
-        return SignalEvidence(table, y, lambda _: target, codes, DT, equation, None, scales)
+        found = SignalEvidence(equation, y, [str(k) for k in range(RUNS)], position=scale, contraction=kind == "muscle")
+        found.measure_as(found.sizes._replace(gaps={equation.kind: gap}))
+        return found
 
     usual = 0.05 * float(np.std(target))
     plain = held(target, usual)
@@ -125,7 +126,8 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
             continue
         shares: list[float] = []
         for _ in range(20 * draws):
-            added = plain.added({name: drawn(effect, plain.reached, rng)})
+            spec = {name: drawn(plain.effects[name], plain.reached, rng)}
+            added = equation.modelled(plain.active(spec)) - target
             size = float(np.sqrt(np.mean(np.square(added))))
             if SMALL * noise < size < LARGE * noise:
                 evidence = held(target + added + rng.normal(0.0, noise, len(target)), size)

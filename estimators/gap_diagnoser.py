@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import KW_ONLY
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -12,21 +12,11 @@ from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.errors import UnknownOptionError
-from pamid.gap.equation import diagnose_equation
+from pamid.gap.at_ports import diagnose_evidence
 from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
-from pamid.gap.one_equation import (
-    Measured,
-    is_contraction,
-    library_for,
-    plain,
-    rebuilt,
-    role_signals,
-    sampling_interval,
-    told_units,
-)
-from pamid.gap.residuals.on_equation import strain_scale
-from pamid.gap.residuals.single import SignalEvidence
+from pamid.gap.one_equation import equation_of, facing, plain, rebuilt
+from pamid.simulators.problem import Problem
 
 from ._base import SignalEstimator, Signals
 from ._gap_model import hybrid_with
@@ -208,18 +198,21 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         y = column_or_1d(y, warn=True).astype(float)
         rng = check_random_state(self.random_state)
         self._check_settings()
-        m = self._measured(table, y, codes, run_names(X, groups, codes), where)
-        self.position_scale_ = m.position_scale
-        library = library_for(self.effects, self.equation, is_contraction(self.plant, m.columns), m.units)
-        seed = np.random.RandomState(rng.randint(2**31 - 1))
-        found, gathered, without = diagnose_equation(m, library, self.sense, seed)
-        evidence, self.noise_floor_, self.explainable_floor_, self.explainable_share_ = gathered
-        self.scaling_ = evidence.scales
+        problem = self._problem(table, y, np.array(run_names(X, groups, codes))[codes], where)
+        evidence = facing(
+            problem, self.sense, self.effects, interval=self.sampling_interval, position=self.position_scale
+        )
+        self.position_scale_ = evidence.position
+        found, [learned] = diagnose_evidence(evidence, self.effects, int(rng.randint(2**31 - 1)))
+        self.noise_floor_ = float(np.median(evidence.noise))
+        self.explainable_floor_, self.explainable_share_ = learned.rms, learned.share
+        self.scaling_ = replace(evidence.scales, target=evidence.equation.sense * evidence.scales.target)
         self._write(found)
         self.remainder_ = {}
         if self.learned_remainder:
-            left = np.where(without, 0.0, y - self._corrected(table, m.signals, codes))
-            self.remainder_ = learn(m.signals, left, codes, m.dt, seed=int(rng.randint(2**31 - 1)))
+            left = np.where(evidence.without, 0.0, y - self._corrected(table, codes))
+            of = evidence.equation
+            self.remainder_ = learn(of.table, left, codes, of.dt, seed=int(rng.randint(2**31 - 1)))
         self._remember(X, y, groups=groups)
         return self
 
@@ -274,18 +267,24 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             raise AttributeError(f"{type(self).__name__} has no diagnosis before fit.")
         return rebuilt(self.findings_, self.windows_)
 
-    def _measured(self, table: np.ndarray, y: np.ndarray, codes: np.ndarray, names: list[str], where: Any) -> Measured:
+    def _problem(self, table: np.ndarray, y: np.ndarray, groups: np.ndarray, where: Any = None) -> Problem:
         """Return the equation on a table."""
-        signals, usual = self._table(table, codes), np.median(table, axis=0)
-        contraction = is_contraction(self.plant, self._labels())
-        scale = self.position_scale
-        if scale is None:
-            scale = strain_scale(signals.get("position", np.zeros(1)), contraction)
-        return Measured(
-            signals, y, codes, names, sampling_interval(signals, codes, self.sampling_interval),
-            lambda rows: self._nominal(table[rows]), lambda n: self._nominal(usual + np.zeros((n, 1))),
-            self.equation, self._labels(), told_units(self.equation, contraction, self.units), self.plant,
-            float(scale), counts=None if where is None else column_or_1d(where).astype(bool),
+        import pandas as pd
+
+        names, labels = getattr(self, "feature_names_in_", None), self._labels()
+
+        def modelled(X: pd.DataFrame) -> np.ndarray:
+            if self.nominal is None:
+                return np.zeros(len(X))
+            read: Any = X if names is not None else X.to_numpy()
+            fitted = hasattr(self.nominal, "predict")
+            out = self.nominal.predict(read_by(self.nominal, read)) if fitted else self.nominal(read)
+            return np.asarray(out, dtype=float).reshape(len(X))
+
+        columns = names if names is not None else [f"X[{k}]" for k in range(table.shape[1])]
+        return Problem(
+            pd.DataFrame(table, columns=columns), y, modelled, groups, labels, self.equation, "", self.plant, [],
+            self.units or {}, None if where is None else column_or_1d(where).astype(bool),
         )  # fmt: skip
 
     def _check_settings(self) -> None:
@@ -320,11 +319,10 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             return predict_simulator(self.corrected_, self.target_, X, groups)
         table, _ = self._read(X, reset=False)
         codes = self._codes(X, groups)
-        signals = self._table(table, codes)
-        predicted = self._corrected(table, signals, codes)
+        predicted = self._corrected(table, codes)
         if self.remainder_:
-            dt = sampling_interval(signals, codes, self.sampling_interval)
-            predicted = predicted + remaining(self.remainder_, signals, codes, dt)
+            of = equation_of(self._problem(table, predicted, codes), 1, self.sampling_interval)
+            predicted = predicted + remaining(self.remainder_, of.table, codes, of.dt)
         return predicted
 
     def to_estimator(self) -> Any:
@@ -343,16 +341,14 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         check_is_fitted(self, "causes_")
         return hybrid_with(self.causes_, self.equation, self.plant)
 
-    def _corrected(self, table: Any, signals: dict[str, np.ndarray], codes: np.ndarray) -> np.ndarray:
+    def _corrected(self, table: np.ndarray, codes: np.ndarray) -> np.ndarray:
         """Return the nominal model with the causes added."""
-        nominal = self._nominal(table)
-        modelled = nominal(signals)
+        scales, problem = self.scaling_, self._problem(table, np.zeros(len(table)), codes)
         if not self.effects_:
-            return modelled
-        dt = sampling_interval(signals, codes, self.sampling_interval)
-        evidence = SignalEvidence(signals, modelled, nominal, codes, dt, self.equation, self.plant, self.scaling_)
-        made = [evidence.placements[name].made(values) for name, values in self.effects_.items()]
-        return np.asarray(modelled + evidence.added_by(made))
+            return np.asarray(problem.nominal(problem.X))
+        found = equation_of(problem, int(np.sign(scales.target)), self.sampling_interval)
+        places = found.placements(replace(scales, target=abs(scales.target)))
+        return found.modelled([(places[name], places[name].made(values)) for name, values in self.effects_.items()])
 
     def __sklearn_tags__(self) -> Any:
         tags = super().__sklearn_tags__()
@@ -377,31 +373,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     def _labels(self) -> dict[str, str]:
         names = [str(n) for n in getattr(self, "feature_names_in_", ())]
         return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
-
-    def _table(self, table: np.ndarray, codes: np.ndarray) -> dict[str, np.ndarray]:
-        """Return the signals by role, rates included."""
-        given = {role: table[:, k] for role, k in self.signal_columns_.items()}
-        return role_signals(given, codes, sampling_interval(given, codes, self.sampling_interval), self.equation)
-
-    def _nominal(self, table: np.ndarray) -> Callable[[Any], np.ndarray]:
-        names = getattr(self, "feature_names_in_", None)
-
-        def modelled(signals: dict[str, np.ndarray]) -> np.ndarray:
-            if self.nominal is None:
-                return np.zeros(len(table))
-            X: Any = table.copy()
-            for role, k in self.signal_columns_.items():
-                X[:, k] = signals[role]
-            if names is not None:
-                import pandas as pd
-
-                X = pd.DataFrame(X, columns=names)
-            out = (
-                self.nominal.predict(read_by(self.nominal, X)) if hasattr(self.nominal, "predict") else self.nominal(X)
-            )
-            return np.asarray(out, dtype=float).reshape(len(table))
-
-        return modelled
 
     def _repr_html_inner(self) -> str:
         """Put the verdict before scikit-learn's picture of the estimator."""

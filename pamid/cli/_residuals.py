@@ -96,14 +96,13 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     import numpy as np
     import pandas as pd
 
-    from ..gap.equation import state_names
     from ..gap.evaluation import residuals_of
 
     evidence = residuals_of(log, simulator)
     spoken = {k: _PLAIN.get(k, k) for k in evidence.state}
     if simulator.states_equation:
-        problem = simulator.problem(log)
-        spoken = {k: name for k, name in state_names(problem).items() if name in problem.X}
+        read = simulator.problem(log).X
+        spoken = {k: name for k in evidence.state if (name := evidence.column(k)) in read}
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]

@@ -3,48 +3,75 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..simulators.base import Simulator
-from ..simulators.catalogue import chosen
+from .design.equation import next_for_equation
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
+from .inference.floor import Learned
 from .inference.so_far import where_so_far
 from .inference.student_t import scale
 from .readings import settled
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
+from .residuals.ports import PortEvidence
+from .residuals.single import SignalEvidence
 from .simulated import evidence_of, learn, outward, runner
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from .several.stacked import StackedEvidence
 
 
 def diagnose_at_ports(
     log: pd.DataFrame, simulator: Simulator, effects: str | Sequence[str], seed: int, say: Callable[[str], None]
 ) -> Diagnosis:
     """Diagnose one log of a simulator with ports."""
+    return diagnose_evidence(evidence_of(log, simulator, refit=True), effects, seed, say)[0]
+
+
+def diagnose_evidence(
+    evidence: PortEvidence, effects: str | Sequence[str], seed: int, say: Callable[[str], None] = lambda _: None
+) -> tuple[Diagnosis, Sequence[Learned]]:
+    """Return the diagnosis of a log's evidence, and what a learner leaves of it."""
     from threadpoolctl import threadpool_limits
 
-    evidence = evidence_of(log, simulator, refit=True)
-    asked = chosen(evidence.placements, effects)
+    asked = [name for name in evidence.library(effects) if evidence.has(name)]
+    log, simulator = evidence.log, evidence.simulator
     # Thousands of small products: threads would only wait for one another.
     with threadpool_limits(1):
         searched = to_search(evidence) if isinstance(evidence, DirectEvidence) else evidence
-        asked = settled(evidence, evidence.log, simulator, asked, say)
+        asked = settled(evidence, log, simulator, asked, say)
         if searched is not evidence:
             settled(searched, searched.log, simulator, asked, say)
         say("estimate what could be explained")
         say(where_so_far(searched.equations, np.array([scale(searched.z0[p], 0.0) for p in searched.parts])))
-        known, interrupted = learn(searched, asked, say)
-        library = [name for name in asked if known.get(name)]
-        notes = [f"The residuals are {evidence.how}.", *evidence.notes]
+        known = learn(searched, asked, say)
+        library = [name for name in asked if known.templates.get(name)]
+        notes = [*evidence.heard(known.share), *evidence.notes]
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
-            notes.append(rows_searched(searched.log.n, evidence.log.n))
+            notes.append(rows_searched(searched.log.n, log.n))
         found = explain(
-            evidence, library, np.random.RandomState(seed), notes, say, searched, known, interrupted, runner(searched)
+            evidence,
+            library,
+            np.random.RandomState(seed),
+            notes,
+            say,
+            searched,
+            known.templates,
+            known.interrupted,
+            runner(searched),
         )
-    return outward(found, evidence)
+    return told(found, evidence), known.learned
+
+
+def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
+    """Return a diagnosis in the units of the ports, of one equation with the run to record next."""
+    run = next_for_equation(found.rivals, evidence) if isinstance(evidence, SignalEvidence) else None
+    return replace(outward(found, evidence, source), next_experiment=run)

@@ -11,19 +11,22 @@ from ..equations.evaluate import LogEvaluation, Sums, summed
 from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
-from .equation import stated_evidence
+from .one_equation import equation_of, evidence_on, noise_of
 from .simulated import evidence_of
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from .residuals.ports import PortEvidence
-    from .residuals.single import SignalEvidence
 
 
-def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence | SignalEvidence:
+def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     """Return what a simulator with ports, or one that states its equation, leaves of a log, in the units there."""
-    return stated_evidence(log, simulator) if simulator.states_equation else evidence_of(log, simulator)
+    if not simulator.states_equation:
+        return evidence_of(log, simulator)
+    problem = simulator.problem(log)
+    noise = noise_of(problem, problem.fitted or simulator, log)
+    return evidence_on(problem, equation_of(problem), simulator, noise=noise)
 
 
 def evaluate_simulator(
@@ -91,7 +94,7 @@ def evaluate_simulator(
     return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})
 
 
-def _warn_of_idle(simulator: Simulator, evidence: PortEvidence | SignalEvidence) -> None:
+def _warn_of_idle(simulator: Simulator, evidence: PortEvidence) -> None:
     """Warn of effects of the simulator that a log leaves without anything to act on."""
     for name, where, _ in () if simulator.states_equation else simulator.effects:
         if f"{name}@{where}" not in evidence.effects:

@@ -3,152 +3,122 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ..effects import Plant
-from ..errors import ExcitationError, TimeOrderError
+from ..equations.noise import channel_noise
+from ..errors import ExcitationError, ShortTrajectoryError, TimeOrderError
 from ..signals.stretches import stuck_rows
-from ..simulators.placement import Scales
-from ..simulators.port_log import PortLog
+from ..simulators.base import Simulator
 from ..simulators.problem import Problem
 from .diagnosis.result import Diagnosis
-from .inference.floor import explainable, measured_noise, sense_of
-from .inference.sensitivity import Template, templates
-from .residuals.on_equation import scales_of, strain_scale
+from .inference.floor import sense_of
+from .inference.sensitivity import templates
+from .residuals.on_equation import OnEquation, Table
+from .residuals.ports import REPLICATES
 from .residuals.rates import with_rates
-from .residuals.single import SignalEvidence, Table
+from .residuals.single import SignalEvidence
 from .residuals.units import Units
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
 
-class Gathered(NamedTuple):
-    """One equation, ready for a diagnosis, in the unit of its target."""
+def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: float | None = None) -> OnEquation:
+    """Return an equation on a log, under effects that act in a sense; an interval, s, serves where no time is told."""
+    import pandas as pd
 
-    evidence: SignalEvidence
-    noise: float
-    """Standard deviation of a window's noise."""
-    learned: float
-    """What a flexible learner leaves on held-out runs."""
-    share: float
-    """Share of the gap beyond the noise that it predicts."""
+    X, roles, codes = problem.X, dict(problem.roles), problem.codes
+    given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items() if column in X}
+    dt = sampling_interval(given, codes, interval) if dt is None else dt
+
+    def on(T: pd.DataFrame) -> Callable[[Table], np.ndarray]:
+        return lambda table: np.asarray(problem.nominal(T.assign(**{roles[r]: table[r] for r in given})), dtype=float)
+
+    def usual(n: int) -> Callable[[Table], np.ndarray]:
+        return on(pd.DataFrame(np.tile(X.median().to_numpy(), (n, 1)), columns=X.columns))
+
+    units = told_units(problem.equation, is_contraction(problem.plant, roles), problem.units)
+    signals, starts = role_signals(given, codes, dt, problem.equation), np.flatnonzero(np.diff(codes, prepend=-1))
+    return OnEquation(signals, on(X), dt, starts, problem.equation, problem.plant, units, sense, usual)
 
 
-@dataclass(frozen=True)
-class Measured:
-    """One equation on a log: signals by role, rates included, what was measured, and what a model says."""
+def evidence_on(
+    problem: Problem, equation: OnEquation, simulator: Simulator | None = None, without: np.ndarray | None = None,
+    position: float | None = None, noise: np.ndarray | None = None,
+) -> SignalEvidence:  # fmt: skip
+    """Return the evidence on an equation; a position counts as a strain of one, `noise` are draws of the residual's."""
+    columns, contraction = dict(problem.roles), is_contraction(problem.plant, problem.roles)
+    if simulator is not None:  # rates that a log lacks are named after their signals
+        rates = {"velocity": "position", "pressure_rate": "pressure"}
+        columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
+    names = [str(problem.groups[k]) for k in equation.starts]
+    found = SignalEvidence(equation, problem.y, names, columns, position, contraction, without, simulator, noise)
+    if not len(found.first):
+        raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
+    return found
 
-    signals: dict[str, np.ndarray]
-    y: np.ndarray
-    codes: np.ndarray
-    """Run of each row, from 0 in their order."""
-    names: Sequence[str]
-    dt: float
-    model: Callable[[np.ndarray], Callable[[Table], np.ndarray]]
-    """Takes row numbers, returns what turns the signals of these rows into the modelled target."""
-    usual: Callable[[int], Callable[[Table], np.ndarray]]
-    """The same for a number of rows whose columns without a role are where they usually are."""
-    equation: str
-    columns: Mapping[str, str]
-    """The user's name of each role that the log has."""
-    units: Units
-    plant: Plant | None = None
-    position_scale: float = 1.0
-    notes: list[str] = field(default_factory=list)
-    counts: np.ndarray | None = None
-    """Rows that count."""
 
-    @classmethod
-    def of(cls, problem: Problem) -> Measured:
-        """Return the equation that a simulator states on a log."""
-        import pandas as pd
+def facing(
+    problem: Problem, sense: str | int = "auto", effects: str | Sequence[str] = "all",
+    simulator: Simulator | None = None, interval: float = 1e-3, position: float | None = None,
+    noise: np.ndarray | None = None,
+) -> SignalEvidence:  # fmt: skip
+    """Return the evidence on one equation, under effects that act in the sense that explains more."""
+    equation = equation_of(problem, 1 if sense == "auto" else int(sense), interval)
+    without, notes = checked(problem, equation)
+    found = evidence_on(problem, equation, simulator, without, position, noise)
+    # The tension, or the flow, of a muscle that is known is what it delivers.
+    if sense == "auto" and problem.plant is None:
+        known = [t for name in found.library(effects) for t in templates(found, name)]
+        if sense_of(found, known) < 0:
+            equation = equation_of(problem, -1, interval)
+            found = evidence_on(problem, equation, simulator, without, position, noise)
+    found.notes += [*problem.notes, *notes]
+    return found
 
-        X, roles, codes = problem.X, dict(problem.roles), problem.codes
-        given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items()}
-        dt = sampling_interval(given, codes)
-        signals = role_signals(given, codes, dt, problem.equation)
-        contraction = is_contraction(problem.plant, roles)
 
-        def model(T: pd.DataFrame) -> Callable[[Table], np.ndarray]:
-            def modelled(table: Table) -> np.ndarray:
-                return np.asarray(problem.nominal(T.assign(**{c: table[r] for r, c in roles.items()})), dtype=float)
+def checked(problem: Problem, equation: OnEquation) -> tuple[np.ndarray, list[str]]:
+    """Return the rows that are left out, and notes on the signals; raise where none can be used."""
+    signals, y, codes = equation.table, problem.y, problem.codes
+    driven = [x for role, x in signals.items() if role in problem.roles and role not in ("time", "flow")]
+    if not any(np.ptp(x) > 0 for x in driven):
+        what = f"None of the signals {', '.join(signals)} moves."
+        raise ExcitationError(what, "motion", "Record runs in which position changes.")
+    notes = _notes(signals, codes, problem.roles)
+    moving = {k: v for k, v in signals.items() if k in ("position", "pressure", "command")}
+    stuck = stuck_beside(y, moving, codes)
+    if stuck.any():
+        share = f"{100 * stuck.mean():.1f} %"
+        what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
+        notes.append(f"{what} Those rows are left out.")
+    without = stuck if problem.counts is None else stuck | ~problem.counts
+    if without.all():
+        raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
+    return without, notes
 
-            return modelled
 
-        def usual(n: int) -> Callable[[Table], np.ndarray]:
-            return model(pd.DataFrame(np.tile(X.median().to_numpy(), (n, 1)), columns=X.columns))
-
-        first = np.searchsorted(codes, np.arange(codes[-1] + 1))
-        return cls(
-            signals, problem.y, codes, [str(n) for n in problem.groups[first]], dt, lambda rows: model(X.iloc[rows]),
-            usual, problem.equation, roles, told_units(problem.equation, contraction, problem.units), problem.plant,
-            strain_scale(signals.get("position", np.zeros(1)), contraction), problem.notes, problem.counts,
-        )  # fmt: skip
-
-    @property
-    def nominal(self) -> Callable[[Table], np.ndarray]:
-        """What turns the signals of all rows into the modelled target."""
-        return self.model(np.arange(len(self.y)))
-
-    def checked(self) -> tuple[np.ndarray, list[str]]:
-        """Return the rows that are left out, and notes on the signals; raise where none can be used."""
-        driven = [x for role, x in self.signals.items() if role in self.columns and role not in ("time", "flow")]
-        if not any(np.ptp(x) > 0 for x in driven):
-            what = f"None of the signals {', '.join(self.signals)} moves."
-            raise ExcitationError(what, "motion", "Record runs in which position changes.")
-        notes = self._notes()
-        moving = {k: v for k, v in self.signals.items() if k in ("position", "pressure", "command")}
-        stuck = stuck_beside(self.y, moving, self.codes)
-        if stuck.any():
-            share = f"{100 * stuck.mean():.1f} %"
-            what = f"y repeats one value in {share} of the rows while others move: a clipped or stuck sensor."
-            notes.append(f"{what} Those rows are left out.")
-        without = stuck if self.counts is None else stuck | ~self.counts
-        if without.all():
-            raise ExcitationError("No row is left.", "rows that meet the condition", "Correct where=.")
-        return without, notes
-
-    def _notes(self) -> list[str]:
-        signals, codes, notes = self.signals, self.codes, list[str]()
-        if codes[-1] == 0:
-            notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
-        if "time" in signals:
-            steps, same = np.diff(signals["time"]), np.diff(codes) == 0
-            if np.any(steps[same] < 0):
-                raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
-            each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
-            if each and max(each) > 1.1 * min(each):
-                notes.append(
-                    f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
-                    "constants are uncertain by as much."
-                )
-        if still := [role for role, x in signals.items() if np.ptp(x) == 0.0]:
-            notes.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
-        if "position" in signals and not {"position", "velocity"} & set(self.columns):
-            notes.append("No column is a position: effects of the position follow the drive of the system instead.")
-        return notes
-
-    def evidence(
-        self, scales: Scales | None = None, rows: slice = slice(None), without: np.ndarray | None = None
-    ) -> SignalEvidence:
-        """Return the evidence of some rows, whole runs; effects are in the units of the log without scales."""
-        at = np.arange(len(self.y))[rows]
-        return SignalEvidence(
-            {k: v[at] for k, v in self.signals.items()}, self.y[at], self.model(at), self.codes[at], self.dt,
-            self.equation, self.plant, scales or Scales(position=self.position_scale), self.units, self.columns,
-            self.names, None if without is None else without[at],
-        )  # fmt: skip
-
-    @property
-    def log(self) -> PortLog:
-        """The signals, as the log of a simulator with ports."""
-        starts, at = np.flatnonzero(np.diff(self.codes, prepend=-1)), np.arange(len(self.y))
-        since = at - starts[np.searchsorted(starts, at, side="right") - 1]
-        channels = {c: self.signals[r] for r, c in self.columns.items() if c != "time"}
-        return PortLog(channels, since * self.dt, starts, self.dt, [str(self.names[k]) for k in self.codes[starts]])
+def _notes(signals: Table, codes: np.ndarray, roles: Mapping[str, str]) -> list[str]:
+    notes: list[str] = []
+    if codes[-1] == 0:
+        notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
+    if "time" in signals:
+        steps, same = np.diff(signals["time"]), np.diff(codes) == 0
+        if np.any(steps[same] < 0):
+            raise TimeOrderError("Time runs backwards within a run.", "rows in order of time", "Sort each run.")
+        each = [float(np.median(s)) for k in np.unique(codes) if len(s := steps[same & (codes[1:] == k)])]
+        if each and max(each) > 1.1 * min(each):
+            notes.append(
+                f"The runs are sampled every {min(each):.3g} to {max(each):.3g} s; the median is used, so time "
+                "constants are uncertain by as much."
+            )
+    if "position" in signals and not {"position", "velocity"} & set(roles):
+        notes.append("No column is a position: effects of the position follow the drive of the system instead.")
+    return notes
 
 
 def sampling_interval(signals: Table, codes: np.ndarray, otherwise: float = 1e-3) -> float:
@@ -184,40 +154,50 @@ def told_units(equation: str, contraction: bool, given: Mapping[str, str] | None
     return Units(**{**(si if contraction else unnamed), **(given or {})})
 
 
-def library_for(effects: str | Sequence[str], equation: str, contraction: bool, units: Units) -> list[str]:
-    """Return the effects that a choice stands for, of `pamid.effects.base.KINDS` those of what the equation is about.
+def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
+    """Return the evidence on the equation that a simulator states."""
+    problem = simulator.problem(log)
+    states = problem.fitted or simulator
+    found = facing(problem, simulator.sense, simulator=states, noise=noise_of(problem, states, log))
+    found.given, found.notes = simulator, [*simulator.doubts(log), *found.notes]
+    return found
 
-    On one equation, damping of a joint is viscous friction by another name.
+
+def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.ndarray:
+    """Return what noise of the readings adds to the residual at each row, on copies of a log with as much noise again.
+
+    A rate that the simulator takes of a signal, or what its law makes of one, has noise that neighbours share.
     """
-    from ..effects.registry import chosen_effects
+    import pandas as pd
 
-    about = {"force": "actuator", "torque": "motor" if units.target == "V" else "joint"}.get(equation, "gas")
-    library = chosen_effects(effects, "muscle" if contraction else about)
-    return [name for name in library if name != "joint_damping" or "viscous_friction" not in library]
+    rng, drawn = np.random.RandomState(0), np.zeros((REPLICATES, len(problem.y)))
+    runs = list(log.groupby("trajectory", sort=False).indices.values())
+    sigma = {}
+    for name in (p.name for p in simulator.ports if p.name in log.columns):
+        x = log[name].to_numpy(dtype=float)
+        power = [channel_noise(known, 1).white for at in runs if len(known := x[at][np.isfinite(x[at])]) > 4]
+        sigma[name] = float(np.sqrt(np.mean(np.square(power)))) if power else 0.0
+    plain = problem.y - problem.nominal(problem.X)
+    for k in range(REPLICATES):
+        noisy = {n: log[n] + s * rng.standard_normal(len(log)) for n, s in sigma.items() if s > 0.0}
+        again = simulator.problem(log.assign(**noisy))
+        left = pd.Series(again.y - again.nominal(again.X), again.X.index).reindex(problem.X.index)
+        drawn[k] = (left - plain).fillna(0.0)
+    return drawn
 
 
-def gather(
-    m: Measured, library: Sequence[str], sense: str | int = "auto", without: np.ndarray | None = None, seed: int = 0
-) -> Gathered:
-    """Return the evidence on one equation, the units it is in, its noise, and what of it could be explained."""
-    residual = m.y - m.nominal(m.signals)
-    lengths = np.diff(np.concatenate([[0], np.flatnonzero(np.diff(m.codes)) + 1, [len(m.codes)]])) * m.dt
-    scales = Scales(position=m.position_scale)
-    if m.plant is None:
-        scales = scales_of(m.signals, residual, float(np.median(lengths)), m.dt, m.position_scale, m.equation)
+def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator]) -> list[Simulator]:
+    """Return the simulator of each log that states its equation, what it fits to a log fitted to all that share its
+    numbers.
+    """
+    import pandas as pd
 
-    def look(towards: int) -> tuple[SignalEvidence, list[Template]]:
-        evidence = m.evidence(replace(scales, target=towards * scales.target), without=without)
-        return evidence, [t for name in library for t in templates(evidence, name)]
-
-    evidence, found = look(1 if sense == "auto" else int(sense))
-    # The tension, or the flow, of a muscle that is known is what it delivers.
-    if sense == "auto" and m.plant is None and sense_of(evidence, found) < 0:
-        evidence, found = look(-1)
-    noise = measured_noise(evidence)
-    learned = explainable(evidence, found, noise, seed)
-    evidence.assume(noise, learned.left)
-    return Gathered(evidence, noise, learned.rms, learned.share)
+    alike: dict[str, list[pd.DataFrame]] = {}
+    for (name, log), simulator in zip(logs.items(), each, strict=True):
+        runs = [f"{name}: {run}" for run in log["trajectory"]]
+        alike.setdefault(repr(simulator.identity()), []).append(log.assign(trajectory=runs))
+    known = {key: pd.concat(some, ignore_index=True) for key, some in alike.items()}
+    return [s.problem(known[repr(s.identity())]).fitted or s for s in each]
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from ..simulators.structure import some_instants
 from .diagnosis.findings import Candidate, Cause, Closure, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .inference.first_order import FirstOrder
-from .inference.floor import explainable
+from .inference.floor import Learnable, Learned, explainable
 from .inference.run_off import Run
 from .inference.sensitivity import Template, laid
 from .inference.so_far import alone_so_far, in_words, stopped
@@ -44,9 +43,12 @@ if TYPE_CHECKING:
 
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
+    from .one_equation import stated
     from .residuals.choice import PREDICTED_IF, motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
+    if simulator.states_equation:
+        return stated(log, simulator)
     at_ports = port_log(log, simulator)
     tell_if_unsteady(simulator, at_ports)
     tell_unit_doubts(simulator, at_ports)
@@ -130,6 +132,13 @@ class Library(NamedTuple):
     """The templates of each effect that was evaluated."""
     interrupted: bool
     """Whether the user interrupted the rest."""
+    learned: Sequence[Learned] = ()
+    """What a flexible learner leaves of each equation, where nothing was interrupted."""
+
+    @property
+    def share(self) -> float:
+        """Share of the gaps beyond the noise that it predicts."""
+        return float(np.mean([one.share for one in self.learned])) if self.learned else 0.0
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
@@ -145,13 +154,13 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
             known[name] = _templates(evidence, name)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
-        _remember(evidence, [t for name in library for t in known[name]])
+        learned = _remember(evidence, [t for name in library for t in known[name]])
     except KeyboardInterrupt as stop:
         stopped(stop)
         if not any(known.values()):
             raise
         return Library(known, True)
-    return Library(known, False)
+    return Library(known, False, learned)
 
 
 def _is_simple(effect: type[Effect]) -> bool:
@@ -159,15 +168,16 @@ def _is_simple(effect: type[Effect]) -> bool:
     return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
 
 
-def _remember(evidence: PortEvidence, found: Sequence[Template]) -> None:
-    left = []
+def _remember(evidence: PortEvidence, found: Sequence[Template]) -> list[Learned]:
+    learned = []
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         mine = [replace(t, columns=evidence.raw(t.columns)[part]) for t in found]
         noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
         view = _view(evidence, equation, part)
         mine = [t for t in mine if np.any(t.columns)]
-        left.append(explainable(view, mine, noise, enough=1.0 + EXCESS).left)
-    evidence.remember(left)
+        learned.append(explainable(view, mine, noise, enough=1.0 + EXCESS))
+    evidence.remember([one.left for one in learned])
+    return learned
 
 
 def _templates(evidence: PortEvidence, name: str) -> list[Template]:
@@ -179,17 +189,15 @@ def _templates(evidence: PortEvidence, name: str) -> list[Template]:
     return found if evidence.touched([name]) else []
 
 
-def _view(evidence: PortEvidence, equation: str, part: slice) -> Any:
+def _view(evidence: PortEvidence, equation: str, part: slice) -> Learnable:
     """Return one equation of the evidence in the form that a learner reads."""
-    signals = {k: v for k, v in evidence.signals().items() if np.ptp(v) > 0.0}
-    roles = evidence.roles(equation)
-    table = {k: v for k, v in signals.items() if k != roles.get("eps")}
-    if roles.get("eps") in signals:
-        table["position"] = signals[roles["eps"]]
-    return SimpleNamespace(
-        value=evidence.value[part], noise=evidence.noise[part], run=evidence.run[part], table=table,
-        path=table.get("position", np.zeros(evidence.log.n)), first=evidence.centre[part], n=1,
-        borders=evidence.log.starts, dt=evidence.log.dt,
+    log, signals = evidence.log, {k: v for k, v in evidence.signals().items() if np.ptp(v) > 0.0}
+    position = evidence.roles(equation).get("eps", "")
+    path = evidence.path_of(position) if position in signals else np.zeros(log.n)
+    table = dict(sorted(signals.items(), key=lambda one: one[0] == position))
+    return Learnable(
+        evidence.value[part], evidence.noise[part], evidence.run[part], evidence.centre[part], table, path,
+        log.starts, log.dt * evidence.pace,
     )  # fmt: skip
 
 
@@ -198,7 +206,7 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
     corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
-    corrected = corrected if found.added else None
+    corrected = corrected if found.added else evidence.fitted
     notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
     about = (source or evidence).about
     free = source.free if source is not None else evidence.free

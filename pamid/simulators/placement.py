@@ -110,7 +110,7 @@ class Placement:
             if p.name not in values:
                 continue
             unit, factor = self.units.get(p.name, p.unit), self.factor(p.name)
-            sized = unit != "-" or bool(self.powers.get(p.name))
+            sized = {unit, p.unit} != {"-"} or bool(self.powers.get(p.name))
             outward = replace(p, unit=unit, lower=p.lower * factor, upper=p.upper * factor)
             outward = outward.of_any_size() if sized else outward
             out.values[p.name] = checked_value(named, outward, values[p.name]) / factor

@@ -52,6 +52,11 @@ class PortLog:
         return list(pairwise([*self.starts.tolist(), self.n]))
 
     @property
+    def usual_seconds(self) -> float:
+        """Length of a typical run, s."""
+        return float(np.median([b - a for a, b in self.spans])) * self.dt
+
+    @property
     def run(self) -> np.ndarray:
         """Number of the run of each row."""
         return np.searchsorted(self.starts, np.arange(self.n), side="right") - 1

@@ -13,6 +13,7 @@ from ..compare.comparison import Comparison
 from ..compare.entries import CandidateModel
 from ..compare.protocol import Prepared, folds
 from ..compare.run import score_candidates
+from ..equations.noise import channel_noise
 from ..errors import UnknownOptionError
 from ..simulators.problem import Problem
 from .base import System, with_rates
@@ -100,7 +101,8 @@ def compare_system(
         )
     found = score_candidates(chosen, ready, splits, problem.unit, random_state=random_state, progress=progress)
     runs = [np.flatnonzero(problem.groups == name) for name in dict.fromkeys(problem.groups.tolist())]
-    found.noise_floor = float(np.sqrt(np.mean(np.square([problem.noise(run, 1) for run in runs]))))
+    left = problem.y - table["nominal"].to_numpy()
+    found.noise_floor = float(np.sqrt(np.mean(np.square([channel_noise(left[run], 1).white for run in runs]))))
     found.rows = found.rows.reset_index(drop=True)
     return found
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..effects import EffectSpec
-from ..gap.one_equation import sampling_interval
-from ..gap.residuals.rates import with_rates
-from ..gap.residuals.single import SignalEvidence, Table
+from ..gap.one_equation import equation_of, sampling_interval
 from ..simulators.placement import Scales
 from ..simulators.problem import Problem
 
@@ -28,20 +26,9 @@ class WithEffects:
 
     def __call__(self, X: pd.DataFrame) -> np.ndarray:
         """Return the modelled target of some rows, of whole runs where an effect has memory."""
-        problem, codes = self.problem, self._codes_of(X)
-        columns = {role: column for role, column in problem.roles.items() if column in X.columns}
-        read = {role: X[column].to_numpy(dtype=float) for role, column in columns.items()}
-        modelled = np.asarray(problem.nominal(X), dtype=float)
-
-        def nominal(table: Table) -> np.ndarray:
-            return np.asarray(
-                problem.nominal(X.assign(**{columns[role]: table[role] for role in columns})), dtype=float
-            )
-
-        signals, scales = with_rates(read, codes, self._dt), Scales(target=float(self.sense))
-        evidence = SignalEvidence(signals, modelled, nominal, codes, self._dt, problem.equation, problem.plant, scales)
-        made = [evidence.placements[name].made(values) for name, values in self.effects]
-        return np.asarray(modelled + evidence.added_by(made))
+        found = equation_of(self.problem._replace(X=X, groups=self._codes_of(X)), self.sense, dt=self._dt)
+        places = found.placements(Scales())
+        return found.modelled([(places[name], places[name].made(values)) for name, values in self.effects])
 
     def _codes_of(self, X: pd.DataFrame) -> np.ndarray:
         """Return the run of each row: all of the log's, some of them by their label, or else one."""

@@ -7,8 +7,9 @@ import pandas as pd
 import pytest
 from pamid.estimators import GapDiagnoser
 
-from pamid.gap.inference.floor import explainable, measured_noise, repeats
+from pamid.gap.residuals.on_equation import OnEquation
 from pamid.gap.residuals.single import SignalEvidence
+from pamid.gap.simulated import learn
 
 DT = 0.002
 TIME = np.arange(0, 8, DT)
@@ -24,8 +25,14 @@ def evidence(add, speeds=SPEEDS, noise=0.3, input_noise=0.0, slope=0.0, seed=0):
     read = [v + input_noise * rng.standard_normal(len(v)) for v in x]
     y = [slope * v + add(TIME, v, k) + noise * rng.standard_normal(len(v)) for k, v in enumerate(x)]
     table = {"time": np.tile(TIME, len(x)), "position": np.concatenate(read)}
-    codes = np.repeat(np.arange(len(x)), len(TIME))
-    return SignalEvidence(table, np.concatenate(y), lambda t: slope * t["position"], codes, DT, "force")
+    starts = len(TIME) * np.arange(len(x))
+    equation = OnEquation(table, lambda t: slope * t["position"], DT, starts, "force")
+    return SignalEvidence(equation, np.concatenate(y), [str(k) for k in range(len(x))])
+
+
+def measured_noise(source):
+    [noise] = np.unique(source.noise)
+    return noise
 
 
 def test_what_cannot_be_predicted_is_no_noise():
@@ -33,13 +40,13 @@ def test_what_cannot_be_predicted_is_no_noise():
     source = evidence(lambda t, x, k: 5.0 * np.sin(0.9 * t + 2.0 * k))
     noise = measured_noise(source)
     assert noise == pytest.approx(0.3 / np.sqrt(WINDOW), rel=0.1)
-    learned = explainable(source, [], noise)
+    [learned] = learn(source, []).learned
     assert learned.rms > 2.0 and learned.share < 0.7
 
 
 def test_what_can_be_predicted_is_said():
     source = evidence(lambda t, x, k: -40.0 * x)
-    learned = explainable(source, [], measured_noise(source))
+    [learned] = learn(source, []).learned
     assert learned.share > 0.9
 
 
@@ -55,7 +62,6 @@ def test_runs_that_repeat_say_what_no_model_predicts():
         return 0.7 * np.sin(0.8 * t + 1.5 * k)
 
     different, alike = (evidence(drift, speeds) for speeds in (SPEEDS, (1.0, 1.7, 1.0, 1.7)))
-    assert repeats(different) == [] and repeats(alike) == [(0, 2), (1, 3)]
     assert measured_noise(different) == pytest.approx(0.3 / np.sqrt(WINDOW), rel=0.1)
     expected = np.sqrt(np.mean(np.square(drift(TIME, 0, 0) - drift(TIME, 0, 2))) / 2 + 0.3**2 / WINDOW)
     assert measured_noise(alike) == pytest.approx(expected, rel=0.1)

@@ -9,6 +9,7 @@ from pamid.estimators import GapDiagnoser, GeometricForce
 
 from pamid.effects import Signals, make_effect
 from pamid.gap.inference.sensitivity import relinearised, templates
+from pamid.gap.residuals.on_equation import OnEquation
 from pamid.gap.residuals.single import SignalEvidence
 from pamid.remembered import Remembered
 from pamid.systems.muscle import Muscle
@@ -44,9 +45,9 @@ def table_of(log):
 
 @pytest.fixture(scope="module")
 def evidence(log):
-    return SignalEvidence(
-        table_of(log), log["F"].to_numpy(), nominal, log["trajectory"].astype(int).to_numpy(), 0.01, "force", PLANT
-    )
+    starts = np.flatnonzero(np.diff(log["trajectory"].astype(int), prepend=-1))
+    equation = OnEquation(table_of(log), nominal, 0.01, starts, "force", PLANT)
+    return SignalEvidence(equation, log["F"].to_numpy(), [str(k) for k in range(len(starts))], contraction=True)
 
 
 def test_slack_and_the_bladder_are_found_together(log):
@@ -114,12 +115,16 @@ def test_what_is_remembered_has_an_end():
 def test_areas_that_the_model_lacks_act_with_what_a_threshold_leaves(evidence):
     spec = {"threshold_pressure": {"pressure": 6e4, "growth": 1e6, "onset": 1e3}}
     more = {"braid_geometry": {"pulling": -1e-4, "pushing": -2e-4}}
-    left = evidence.added(spec | more) - evidence.added(spec)
-    s = Signals(**{role: evidence.table[role] for role in ("position", "pressure")})
+
+    def modelled(spec):
+        return evidence.equation.modelled(evidence.active(spec))
+
+    left = modelled(spec | more) - modelled(spec)
+    s = Signals(**{role: evidence.equation.table[role] for role in ("position", "pressure")})
     pressing = make_effect("threshold_pressure", **spec["threshold_pressure"]).braid_pressure(s, PLANT)
     areas = -1e-4 * (1.0 - s.position) ** 2 + 2e-4
     np.testing.assert_allclose(left, (pressing - PLANT.atmospheric_pressure) * areas, atol=1e-9)
-    alone = evidence.added(more)
+    alone = modelled(more) - modelled({})
     assert np.abs(left).max() < 0.95 * np.abs(alone).max()
 
 

@@ -10,7 +10,7 @@ from pamid.estimators import GapDiagnoser
 from pamid import diagnose
 from pamid.effects import Signals, all_effects, make_effect
 from pamid.errors import UnknownOptionError
-from pamid.gap.residuals.on_equation import on_equation
+from pamid.gap.residuals.on_equation import OnEquation
 from pamid.gap.residuals.units import Units, powers_of
 from pamid.report import answers
 from pamid.report.sections import Source
@@ -129,7 +129,7 @@ def test_a_parameter_changes_with_the_units_as_its_dimension_says(name):
     log = Signals(position=position, velocity=np.gradient(position, 0.5), pressure=pressure, force=pressure / 1e4)
     table = {role: getattr(log, role) for role in ("position", "velocity", "pressure", "force")}
     scales = Scales(position=reach, time=1 / 60, pressure=3.0, target=5.0)
-    place = on_equation(table, "torque", scales, Units(), None)[name]
+    place = OnEquation(table, lambda t: t["position"], 0.5, np.array([0]), "torque").placements(scales)[name]
 
     class Bare:
         atmospheric_pressure = 0.0

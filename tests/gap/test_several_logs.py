@@ -423,8 +423,8 @@ def test_the_next_run_of_one_equation_stays_within_the_log() -> None:
     library = ["viscous_friction", "coulomb_friction", "quadratic_drag"]
     found = GapDiagnoser(effects=library, random_state=0).fit(X, y, groups=run).next_experiment_
     assert found is not None and "viscous_friction" in found.separates
-    swing = found.trajectory["position_amplitude"]
-    assert found.trajectory["position"] - swing >= 0.05 and found.trajectory["position"] + swing <= 0.15
+    swing = found.trajectory["eps_amplitude"]
+    assert found.trajectory["eps"] - swing >= 0.05 and found.trajectory["eps"] + swing <= 0.15
 
 
 def test_a_joint_at_rest_is_a_log_beside_one_of_motion(healthy: pd.DataFrame) -> None:

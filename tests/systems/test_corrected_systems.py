@@ -106,6 +106,14 @@ def test_the_commands_take_a_corrected_page(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["verdict"] == "none"
 
 
+def test_friction_that_is_a_share_of_a_load_in_the_same_unit_is_not_bounded_as_one_per_pascal():
+    values = {"coefficient": 0.3, "presliding": 0.02}
+    bare, rubbing = (Joint(inertia=0.02, gravity=0.8, effects=e) for e in ((), [("load_dependent_friction", values)]))
+    of, to = bare.problem(joint()), rubbing.problem(joint())
+    added = np.abs(to.nominal(to.X) - of.nominal(of.X))
+    assert np.max(added) == pytest.approx(0.3 * np.max(to.X["load"]), rel=0.1)
+
+
 def test_runs_keep_their_memory_apart():
     """What a page with dry friction says of one run is the same alone and among others."""
     log = joint()

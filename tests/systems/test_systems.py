@@ -147,6 +147,22 @@ def test_a_servo_with_a_proportional_controller():
     assert any("left out" in note for note in limited.notes)
 
 
+@pytest.mark.parametrize("noise", [2e-4, 6e-4])  # rad
+def test_the_noise_of_an_angle_is_no_gap_of_a_joint(noise):
+    """An acceleration is taken over many rows: they share its noise, which neighbours do not show."""
+    exact, rng = Joint(inertia=0.03, gravity=0.5, level=0.0, offset=0.0), np.random.default_rng(0)
+    runs = [
+        pd.DataFrame({"trajectory": str(k), "time": TIME, "q": 0.8 * np.sin((3 + k) * TIME + k), "drive": 0.0})
+        for k in range(4)
+    ]
+    log = pd.concat(runs, ignore_index=True)
+    problem = exact.problem(log)
+    log = log.loc[problem.X.index].assign(drive=problem.nominal(problem.X) + 2e-3 * rng.standard_normal(len(problem.X)))
+    log["q"] += noise * rng.standard_normal(len(log))
+    found = diagnose(log.reset_index(drop=True), exact)
+    assert found.verdict == "none", found
+
+
 @pytest.mark.parametrize("unit", [1.0, 100.0])
 def test_the_loss_of_a_gear_is_a_share_in_any_unit_of_the_drive(unit):
     rng = np.random.default_rng(0)

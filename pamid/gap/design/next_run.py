@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 from ...bench.parameters import BenchParameters
 from ...errors import ParameterError
 from ..diagnosis.rivals import Rival
-from .equation import plan_equation_run
 from .plan import Plan
 from .ports import plan_port_run
 from .search import plan_next
@@ -80,5 +79,4 @@ def next_run_after(history: History, *, progress: Callable[[str], None] | None =
     rivals = _left(history)
     if isinstance(simulator, BenchParameters):
         return plan_next(rivals, now, simulator, library=history.library, progress=progress, **options)
-    plan = plan_equation_run if simulator.states_equation else plan_port_run
-    return plan(rivals, now, simulator, library=history.library, progress=progress, **options)
+    return plan_port_run(rivals, now, simulator, library=history.library, progress=progress, **options)

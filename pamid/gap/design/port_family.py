@@ -81,16 +81,17 @@ class PortLimits:
                 raise ParameterError(f"The largest rate of {name} is {rate:g}.", "a positive number", "Correct it.")
 
     @classmethod
-    def of(cls, logs: list[PortLog], inputs: Mapping[str, np.ndarray], **given: Any) -> PortLimits:
-        """Return the limits within which inputs moved in logs."""
-        ranges, rates = {}, {}
-        for name, u in inputs.items():
+    def of(cls, logs: Sequence[tuple[PortLog, Mapping[str, np.ndarray]]], **given: Any) -> PortLimits:
+        """Return the limits within which inputs moved in logs, each with its inputs."""
+        ranges, rates, dt = {}, {}, logs[-1][0].dt
+        for name in logs[-1][1]:
+            u = np.concatenate([inputs[name] for _, inputs in logs])
             if np.ptp(u) > 0.0:
                 ranges[name] = float(np.min(u)), float(np.max(u))
-                steps = [np.abs(np.diff(log.channels[name][a:b])) for log in logs for a, b in log.spans]
+                steps = [np.abs(np.diff(inputs[name][a:b])) for log, inputs in logs for a, b in log.spans]
                 if fastest := max(float(np.max(s, initial=0.0)) for s in steps):
-                    rates[name] = fastest / logs[-1].dt
-        return cls(ranges, rates, logs[-1].dt, **given)
+                    rates[name] = fastest / dt
+        return cls(ranges, rates, dt, **given)
 
     @property
     def each(self) -> float:
@@ -268,3 +269,41 @@ def within(wave: Wave, name: str, limits: PortLimits) -> Wave:
     # A sine passes its middle at w times its amplitude; a step has half a period to get across.
     room = min(room, limits.rates[name] * (0.5 * math.pi if wave.kind == "steps" else 1.0) / (w * fastest))
     return replace(wave, middle=middle, amplitude=float(np.clip(abs(wave.amplitude), 0.0, room)), frequency=w)
+
+
+def within_limits(
+    found: PortLimits,
+    limits: Mapping[str, tuple[float, float]],
+    rates: Mapping[str, float],
+    keep: Mapping[str, tuple[float, float]],
+    inputs: Sequence[str],
+    readings: Sequence[str],
+) -> PortLimits:
+    """Return limits with those that a user gives."""
+    if strange := sorted({*limits, *rates} - set(inputs)):
+        raise ParameterError(
+            f"Limits are given for {', '.join(strange)}.",
+            f"an input: {', '.join(inputs)}",
+            "Correct the name.",
+        )
+    if strange := sorted(set(keep) - set(readings)):
+        raise ParameterError(
+            f"Ranges to keep are given for {', '.join(strange)}.",
+            f"a state or an output: {', '.join(readings) or 'none that a design predicts'}",
+            "Correct the name.",
+        )
+    ranges = {**found.ranges, **limits}
+    if not ranges:
+        raise ParameterError(
+            "No input of the simulator moves in the logs.",
+            "an input that can be driven",
+            "Give its range: --limit u=-1:1.",
+        )
+    fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
+    usual = {  # a wider range is covered in the same time
+        n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
+        for n, (low, high) in ranges.items()
+        if found.rates.get(n)
+    }
+    most = {n: rates.get(n) or usual.get(n) or fastest[n] for n in ranges}
+    return replace(found, ranges=ranges, rates=most, keeps=dict(keep))

@@ -11,17 +11,20 @@ import numpy as np
 
 from ...errors import ExcitationError, ParameterError
 from ...simulators.base import Simulator
-from ...simulators.catalogue import chosen
 from ...simulators.play_runs import played
 from ...simulators.sizes import SignalSizes
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
+from ..one_equation import equation_of, fitted_together
 from ..residuals.ports import PortEvidence
 from ..residuals.shooting import ShootingEvidence
+from ..residuals.single import SignalEvidence
 from ..simulated import evidence_of
+from .equation import EquationRig
 from .known import cleaned
 from .plan import AS_IT_IS, Plan
-from .port_family import PortInputs, PortLimits, PortRun
+from .port_family import PortInputs, PortLimits, PortRun, within_limits
+from .rig import Rig
 from .search import planned
 
 if TYPE_CHECKING:
@@ -164,35 +167,40 @@ def plan_port_run(
 
     say = progress or (lambda _: None)
     say("read the logs")
-    each = [evidence_of(log, simulator, refit=k == 0) for k, log in enumerate(logs.values())]
+    states = fitted_together(logs, [simulator] * len(logs))[-1] if simulator.states_equation else simulator
+    each = [evidence_of(log, states, refit=k == 0) for k, log in enumerate(logs.values())]
     sizes = SignalSizes.together([e.sizes for e in each])
     for one in each:
         one.begin_as(each[0])
         one.measure_as(sizes)
         one.without_nuisances()
-    last = each[-1]
-    inputs = {n: np.concatenate([e.log.channels[n] for e in each]) for n in simulator.inputs if n in last.log.channels}
-    lengths = [(b - a) * last.log.dt for a, b in last.log.spans]
+    last, states_it = each[-1], simulator.states_equation
     allowed = PortLimits.of(
-        [e.log for e in each], inputs, seconds=seconds or round(runs * float(np.median(lengths)), 9), runs=runs,
+        [(e.log, e.driven()) for e in each], seconds=seconds or round(runs * last.log.usual_seconds, 9), runs=runs,
         columns={p.name: p.source for p in simulator.ports},
     )  # fmt: skip
-    allowed = within_limits(
-        allowed, limits or {}, rates or {}, keep or {}, simulator.inputs, [*simulator.states, *simulator.outputs]
-    )
-    wanted = [k for k in chosen(last.placements, library) if last.has(k)]
+    may_move = list(last.driven()) if states_it else simulator.inputs
+    readings = [] if states_it else [*simulator.states, *simulator.outputs]
+    allowed = within_limits(allowed, limits or {}, rates or {}, keep or {}, may_move, readings)
+    wanted = [k for k in last.library(library) if last.has(k)]
     with threadpool_limits(1):
         known = [r for r in rivals if all(name in last.placements for name in r.effects)]
         noise = noise_of(each, known)
 
         def under(change: Mapping[str, float], looked: int) -> Plan:
             held = {n: v for n, v in change.items() if n in simulator.inputs}
-            numbers = {n: v for n, v in change.items() if n not in held}
             ranges = {n: r for n, r in allowed.ranges.items() if n not in held}
-            rig = PortRig(simulator, each, replace(allowed, ranges=ranges, held=held), numbers, noise)
+            within = replace(allowed, ranges=ranges, held=held)
+            numbers = {n: v for n, v in change.items() if n not in held}
+            rig: Rig = PortRig(simulator, each, within, numbers, noise)
+            if isinstance(last, SignalEvidence):
+                equation = last.equation
+                if numbers:
+                    equation = equation_of(states.with_(numbers).problem(list(logs.values())[-1]), equation.sense)
+                rig = EquationRig([e for e in each if isinstance(e, SignalEvidence)], within, equation, noise)
             return planned(rig, known, looked, purpose, wanted, seed, say)
 
-        return with_changes(under, simulator, changes, designs, say)
+        return with_changes(under, states, changes, designs, say)
 
 
 def with_changes(
@@ -223,44 +231,6 @@ def _proposals(simulator: Simulator) -> list[dict[str, float]]:
     """Return changes of the rig to try where none was declared: other values of its parameters."""
     numbers = [(n, p.value) for n, p in simulator.parameters.items() if p.value][:MOST_PROPOSED]
     return [{name: float(f"{times * value:.3g}")} for name, value in numbers for times in TIMES]
-
-
-def within_limits(
-    found: PortLimits,
-    limits: Mapping[str, tuple[float, float]],
-    rates: Mapping[str, float],
-    keep: Mapping[str, tuple[float, float]],
-    inputs: Sequence[str],
-    readings: Sequence[str],
-) -> PortLimits:
-    """Return limits with those that a user gives."""
-    if strange := sorted({*limits, *rates} - set(inputs)):
-        raise ParameterError(
-            f"Limits are given for {', '.join(strange)}.",
-            f"an input: {', '.join(inputs)}",
-            "Correct the name.",
-        )
-    if strange := sorted(set(keep) - set(readings)):
-        raise ParameterError(
-            f"Ranges to keep are given for {', '.join(strange)}.",
-            f"a state or an output: {', '.join(readings) or 'none that a design predicts'}",
-            "Correct the name.",
-        )
-    ranges = {**found.ranges, **limits}
-    if not ranges:
-        raise ParameterError(
-            "No input of the simulator moves in the logs.",
-            "an input that can be driven",
-            "Give its range: --limit u=-1:1.",
-        )
-    fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
-    usual = {  # a wider range is covered in the same time
-        n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
-        for n, (low, high) in ranges.items()
-        if found.rates.get(n)
-    }
-    most = {n: rates.get(n) or usual.get(n) or fastest[n] for n in ranges}
-    return replace(found, ranges=ranges, rates=most, keeps=dict(keep))
 
 
 def _refuse_unknown(change: Mapping[str, float], simulator: Simulator) -> None:

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...signals.paths import reversals
-from ...simulators.port_log import PortLog
-from ..residuals.repeats import repeating
-from ..residuals.single import SignalEvidence
 from .sensitivity import Template
 from .student_t import bounded
+
+if TYPE_CHECKING:
+    from ..residuals.ports import PortEvidence
 
 LAGS = (0.02, 0.1, 0.5, 2.0)
 """Ages of the past signals that the learner reads, s."""
@@ -20,6 +20,25 @@ FOLDS = 5
 _ROWS = 12_000
 _AT_ONCE = 64  # templates, so that they take little memory; the answer is the same for any number
 _CLEARLY = 0.05  # share of the power by which the other sense must explain more
+
+
+class Learnable(NamedTuple):
+    """One equation of the evidence, as a learner reads it."""
+
+    value: np.ndarray
+    """Residual of each window."""
+    noise: np.ndarray
+    run: np.ndarray
+    """Its standard deviation and run."""
+    centre: np.ndarray
+    """Its row."""
+    table: Mapping[str, np.ndarray]
+    """Signals at each row."""
+    path: np.ndarray
+    """The position, without reversals by noise; zero where there is none."""
+    starts: np.ndarray
+    """First row of each run."""
+    dt: float
 
 
 class Learned(NamedTuple):
@@ -33,44 +52,12 @@ class Learned(NamedTuple):
     """Share of the gap beyond the noise that could be predicted."""
 
 
-def measured_noise(evidence: SignalEvidence) -> float:
-    """Return the standard deviation of a window's noise, in the target's unit, as the log itself shows it.
-
-    It is the larger of two estimates: from neighbouring samples of the residual, which include the noise of the inputs
-    through the model; and from repeated runs, whose differences no model of these signals predicts.
-    """
-    pairs = [difference for a, b in repeats(evidence) if (difference := _between(evidence, a, b)) is not None]
-    if not pairs:
-        return evidence.channel
-    powers = [float(np.mean(np.square(d))) / 2.0 for d in pairs]
-    return max(evidence.channel, float(np.sqrt(np.average(powers, weights=[len(d) for d in pairs]))))
-
-
-def repeats(evidence: SignalEvidence) -> list[tuple[int, int]]:
-    """Return the pairs of runs in which every input takes the same course over the same time."""
-    driving = {k: x for k, x in evidence.table.items() if k in ("position", "pressure", "command", "flow")}
-    t = np.arange(len(evidence.y)) * evidence.dt
-    return repeating(PortLog(driving, t, evidence.borders, evidence.dt, evidence.trajectories), driving)
-
-
-def _between(evidence: SignalEvidence, a: int, b: int) -> np.ndarray | None:
-    """Return the difference of the residuals of two runs at the windows that both have; None if those are few."""
-    at = [evidence.first - evidence.borders[k] for k in (a, b)]
-    mine = [np.flatnonzero(evidence.run == k) for k in (a, b)]
-    _, one, two = np.intersect1d(at[0][mine[0]], at[1][mine[1]], return_indices=True)
-    if len(one) < FEWEST:
-        return None
-    return evidence.value[mine[0][one]] - evidence.value[mine[1][two]]
-
-
-FEWEST = 20
-"""Windows below which two runs are too short to say what repeats."""
 LEAST_VALUES = 200
 """Windows below which a forest learns nothing that a single effect does not."""
 
 
 def explainable(
-    evidence: SignalEvidence, found: Iterable[Template], noise: float, seed: int = 0, enough: float = 0.0
+    evidence: Learnable, found: Iterable[Template], noise: float, seed: int = 0, enough: float = 0.0
 ) -> Learned:
     """Return what a flexible learner leaves of a residual on held-out runs: how much could be explained at all.
 
@@ -97,12 +84,13 @@ def explainable(
     return Learned(float(np.sqrt(least)), left, float(np.clip(share, 0.0, 1.0)))
 
 
-def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:
+def sense_of(evidence: PortEvidence, found: Sequence[Template]) -> int:
     """Return 1 where effects subtract from the target, as friction does from what an actuator delivers, else −1.
 
-    It is −1 where the target is the driving force: friction then adds to it. Amplitudes have signs, so only one of the
-    two fits. Sensor faults have no sense: a late position looks like friction in either.
+    It is −1 where the target is the driving force: friction then adds to it. Amplitudes of one sign fit in one of the
+    two alone; those of either sign fit in both. Sensor faults have no sense: a late position looks like friction.
     """
+    found = [t for t in found if np.all(t.lower >= 0.0)]
     found = [t for t in found if not {"measure", "adjust"} & set(evidence.effects[t.effect].hooks())]
     best = {}
     for sense in (1, -1):
@@ -119,7 +107,7 @@ def sense_of(evidence: SignalEvidence, found: Sequence[Template]) -> int:
     return -1 if best[-1] > best[1] + _CLEARLY else 1
 
 
-def _folds(evidence: SignalEvidence) -> np.ndarray:
+def _folds(evidence: Learnable) -> np.ndarray:
     runs = np.unique(evidence.run)
     if len(runs) >= 3:
         return evidence.run % FOLDS if len(runs) > FOLDS else evidence.run
@@ -132,7 +120,7 @@ def _explained(value: np.ndarray, columns: np.ndarray, t: Template, rows: np.nda
     return -columns @ bounded(A.T @ A, A.T @ value[rows], t.lower, t.upper)
 
 
-def _best_effect(evidence: SignalEvidence, found: Iterable[Template], folds: np.ndarray) -> np.ndarray:
+def _best_effect(evidence: Learnable, found: Iterable[Template], folds: np.ndarray) -> np.ndarray:
     """Return what the effect that predicts most on held-out folds predicts there."""
     some, rows = list(found), [np.flatnonzero(folds == k) for k in np.unique(folds)]
     best, least = np.zeros(len(evidence.value)), np.inf
@@ -147,7 +135,7 @@ def _best_effect(evidence: SignalEvidence, found: Iterable[Template], folds: np.
     return best
 
 
-def _held_out(evidence: SignalEvidence, some: Sequence[Template], rows: Sequence[np.ndarray]) -> np.ndarray:
+def _held_out(evidence: Learnable, some: Sequence[Template], rows: Sequence[np.ndarray]) -> np.ndarray:
     """Return what templates with as many columns predict of rows when fitted to the others, shape (n, n_windows)."""
     A = -np.stack([t.columns for t in some]) * evidence.noise[:, None]
     lower, upper = np.array([t.lower for t in some]), np.array([t.upper for t in some])
@@ -173,20 +161,19 @@ def _all_bounded(G: np.ndarray, b: np.ndarray, lower: np.ndarray, upper: np.ndar
     return np.asarray(np.clip(x, lower, upper))
 
 
-def _features(evidence: SignalEvidence) -> np.ndarray:
+def _features(evidence: Learnable) -> np.ndarray:
     """Return signals, their past, and the path since the last reversal, at the centre of each window."""
-    centre = evidence.first + evidence.n // 2
-    start = evidence.borders[evidence.run]
+    centre, start = evidence.centre, evidence.starts[evidence.run]
     columns = []
     for role, x in evidence.table.items():
         if role == "time":
             continue
         columns.append(x[centre])
         columns += [x[np.maximum(centre - max(1, round(lag / evidence.dt)), start)] for lag in LAGS]
-    if "position" in evidence.table:
+    if np.any(evidence.path):
         since = np.empty(len(evidence.path))
-        ends = [*evidence.borders[1:].tolist(), len(since)]
-        for a, b in zip(evidence.borders.tolist(), ends, strict=True):
+        ends = [*evidence.starts[1:].tolist(), len(since)]
+        for a, b in zip(evidence.starts.tolist(), ends, strict=True):
             x = evidence.path[a:b]
             turns = reversals(x)
             last = np.maximum(np.searchsorted(turns, np.arange(b - a), side="left") - 1, 0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,7 +21,6 @@ from ...signals.roles import ROLES
 from ..settings import LEAST_GAIN, OTHER_SYSTEMS
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
-from .straight import Straight
 from .whitening import Whitening
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ RECENT = 24
 """Residuals under effects that are kept, the last ones asked for."""
 
 
-class Evidence(Straight):
+class Evidence:
     """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
 
     A `pamid.gap.residuals.protocol.ResidualSource`; ``columns`` are those that equations may read, beside the angle.
@@ -52,12 +52,16 @@ class Evidence(Straight):
     """Samples in a window above which what happens between two samples does not show as a slow error."""
     coarse = 1.5 * LEAST_GAIN, 3.0 * OTHER_SYSTEMS
     """The same gains where windows hold fewer; their noise is then taken as it is."""
+    curved = one_sided = False
+    """Tolerances are so narrow that parameters act linearly."""
+    pace = 1.0
+    twins: Mapping[str, str] = MappingProxyType({})
     stretch = 0.3
     """Length of the stretches of time that are drawn as a whole, s: longer than what residuals remember."""
 
     def __init__(self, log: pd.DataFrame | BenchLog, params: BenchParameters) -> None:
         log = BenchLog.of(log)
-        self.params, self.effects = params, all_effects()
+        self.params, self.effects = params, dict(all_effects())
         self._widening: tuple[str, np.ndarray | None] = ("", None)
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
@@ -120,6 +124,33 @@ class Evidence(Straight):
         """Return the logarithm of the odds with which an effect is expected on a bench."""
         effect = self.effects[name]
         return float(effect.prior if "bench" in effect.kinds else min(effect.prior, -OTHER_SYSTEMS))
+
+    @property
+    def about(self) -> np.ndarray:
+        """Starting deviations of the free parameters, in tolerances: the simulator as given."""
+        return np.zeros(len(self.free))
+
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations of the free parameters."""
+        return np.full(len(self.free), -1.0), np.ones(len(self.free))
+
+    @property
+    def nuisances(self) -> np.ndarray:
+        """Change of the residuals by clocks and offsets that are not free: none."""
+        return np.zeros((len(self.z0), 0))
+
+    def has(self, name: str) -> bool:
+        """Return whether an effect has something to act on here."""
+        return True
+
+    def also_under(self, names: Mapping[str, str]) -> None:
+        """Let effects also have other names, each with that of the library."""
+        self.effects |= {other: self.effects[name] for other, name in names.items()}
+
+    def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each free parameter."""
+        return self.J
 
     @staticmethod
     def _piece(i: int, residual: Residual) -> tuple[np.ndarray, ...]:

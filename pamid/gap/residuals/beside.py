@@ -77,6 +77,10 @@ class Beside(ABC):
         """The simulator's own parameters: a change of one between days is a cause."""
         return self.given.parameters.keys()
 
+    def _placed(self) -> Mapping[str, Placement]:
+        """Return every effect where it can act on the log."""
+        return placements(self.simulator, self.sizes)
+
     def has(self, name: str) -> bool:
         """Return whether the log holds what an effect acts on."""
         return name in self._there
@@ -95,7 +99,7 @@ class Beside(ABC):
     def measure_as(self, sizes: SignalSizes) -> None:
         """Scale each effect by the signals of several logs."""
         self.sizes = sizes
-        self.placements = placements(self.simulator, sizes)
+        self.placements = self._placed()
         self._there &= self.placements.keys()
         self.twins = self._twins()
         self._kept.clear()

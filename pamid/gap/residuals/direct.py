@@ -468,11 +468,10 @@ class DirectEvidence(UndoneEvidence):
         for j in self.joints:
             if not j.position:
                 spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
-        lengths = [(b - a) * log.dt for a, b in log.spans]
         readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
         tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
         lows = {k: float(np.min(x)) for k, x in self._table.items()}
-        length = float(np.median(lengths))
+        length = log.usual_seconds
         return SignalSizes(spans, tops, lows, gaps, readings, self.pushes, self.joints, length, log.dt, self.feeds)
 
     def signals(self) -> dict[str, np.ndarray]:

@@ -15,6 +15,9 @@ from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
 from .states import integral
 
+UNTURNED = -12.0
+"""Logarithm of the odds of an effect that follows a path alone which was never seen to turn back."""
+
 
 class Paths(ABC):
     """The paths along a log that effects at joints, and between two, depend on.
@@ -48,23 +51,27 @@ class Paths(ABC):
         x = x if whole and len(x) else np.zeros((len(simulator.states), 0))
         self.links = links_of(simulator, self.joints, self.log.t[some], x, u)
         survey = self._survey(gaps)
-        spans = {name: float(np.ptp(self._path_of(name))) for link in self.links for name in link.sources}
+        spans = {name: float(np.ptp(self.path_of(name))) for link in self.links for name in link.sources}
         return survey._replace(spans={**survey.spans, **spans}, links=self.links)
+
+    def driven(self) -> dict[str, np.ndarray]:
+        """Return the inputs that the log holds."""
+        return {n: self.log.channels[n] for n in self.simulator.inputs if n in self.log.channels}
 
     def _turns(self, path: str) -> bool:
         """Return whether a path reverses at least once per run."""
         if path not in self._turning:
-            self._turning[path] = turns_back(self._path_of(path), self.log.starts)
+            self._turning[path] = turns_back(self.path_of(path), self.log.starts)
         return self._turning[path]
 
-    def _path_of(self, name: str) -> np.ndarray:
+    def path_of(self, name: str) -> np.ndarray:
         """Return the path that an effect follows: a position, the integral of a speed alone, or a difference of two."""
         signals = self.signals()
         if name in signals:
             return signals[name]
         for link in self.links:
             if name in link.sources:
-                first, second = map(self._path_of, link.sources[name])
+                first, second = map(self.path_of, link.sources[name])
                 return first - link.ratio * second
         return integral(signals[self.speeds[name]], self.log)
 

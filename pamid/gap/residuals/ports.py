@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
@@ -16,23 +17,23 @@ from ...errors import SimulatorRunError, UnknownOptionError
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
-from ...simulators.catalogue import placements, port_effects
+from ...simulators.catalogue import chosen, port_effects
 from ...simulators.commuting import commuting_paths, twins_of
 from ...simulators.of_parameters import FIXED
+from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
-from .linked import Paths
+from .linked import UNTURNED, Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
 from .repeats import pieces, repeating
 from .settled import Settled
-from .single import UNTURNED, memory_of
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
-from .whitening import Whitening, smoothed
+from .whitening import Whitening, memory_of, smoothed
 
 REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""
@@ -92,6 +93,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self.joints: list[JointPort] = []
         self.feeds: dict[str, str] = {}
         self.given = simulator
+        self.fitted: Simulator | None = None
+        """The simulator with what it fits to the log itself, where it does."""
         self.free = [n for n, p in simulator.parameters.items() if p.tolerance > 0.0 and p.value != 0.0]
         self.about = np.zeros(len(self.free))
         self.skews: dict[str, np.ndarray] = {}
@@ -118,18 +121,20 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self._refuse_not_finite(plain)
         gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.sizes = self._surveyed(gaps)
-        self.placements = placements(self.simulator, self.sizes)
+        self.placements = self._placed()
         self._there = frozenset(self.placements)
         self._own = self._made_own()
         self.twins = self._twins()
         self.value = self._residual(self._own, self.simulator.numbers)
         self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
-        self._measure_noise()
+        self._draw_noise()
+        self.memory = np.ones(len(self.parts))
+        self._repeat()
+        self._whiten()
         self.weights = 1.0 / self.memory
-        lengths = np.array([b - a for a, b in log.spans]) * log.dt
         self.pace = self.sizes.time
-        self.stretch = max(0.3, float(np.median(lengths)) / 30.0) if self.pace != 1.0 else 0.3
+        self.stretch = 0.3 / self.pace
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
@@ -177,6 +182,14 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     def effects(self) -> Mapping[str, type[Effect]]:
         """The library: each effect at each port."""
         return {key: place.effect for key, place in self.placements.items()}
+
+    def library(self, effects: str | Sequence[str], places: Mapping[str, Placement] | None = None) -> list[str]:
+        """Return the keys of a choice among the effects that can act here, or at some places."""
+        return chosen(self.placements if places is None else places, effects)
+
+    def heard(self, share: float) -> list[str]:
+        """Return what a reader is told of the residuals, of which a flexible learner predicts a share."""
+        return [f"The residuals are {self.how}."]
 
     # --- the simulator with causes ---------------------------------------------------------------------------
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
@@ -268,7 +281,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
         return [name for name in self.log.channels if name not in commands]
 
-    def _measure_noise(self) -> None:
+    def _draw_noise(self) -> None:
+        """Estimate the noise of each window from copies of the log with as much noise again."""
         rng = np.random.RandomState(0)
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
@@ -278,7 +292,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             noise = {n: x + sigma[n] * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
             drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
             self._copies.append(noise)
-        self.noise, self.memory = np.empty(len(self.value)), np.ones(len(self.parts))
+        self.noise = np.empty(len(self.value))
         self._drawn, self._whitening = drawn, Whitening()
         for k, part in enumerate(self.parts):
             power = np.mean(np.square(drawn[:, part]), axis=0)
@@ -289,8 +303,6 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
             least = max(0.04 * typical, accuracy**2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
-        self._repeat()
-        self._whiten()
 
     def _repeat(self) -> None:
         """Estimate the noise from repeated runs: no model of these signals predicts their difference.
@@ -299,7 +311,10 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         that many windows count as one.
         """
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
-        for pair in repeating(self.log, self.simulator.inputs):
+        inputs, channels = self.simulator.inputs, self.log.channels
+        if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats
+            channels = {k: x for k, x in channels.items() if k in inputs}
+        for pair in repeating(replace(self.log, channels=channels), inputs):
             for k, spread in enumerate(self._differences(*pair)):
                 if len(spread) >= FEWEST:
                     memory = memory_of(spread, np.zeros(len(spread), int))
@@ -344,7 +359,9 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
                 self.weights[k] = 1.0 / memory
                 step = float(np.median(np.diff(self.time[part])))
                 span = len(rest) * step
-                self.stretch = max(self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3, span / 24.0))))
+                self.stretch = max(
+                    self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3 / self.pace, span / 24.0)))
+                )
 
     def widen(self, times: Mapping[str, float]) -> None:
         """Scale the noise of equations."""

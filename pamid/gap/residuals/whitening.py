@@ -29,6 +29,9 @@ LAGS, SHARED = 3, 0.03
 """Neighbouring windows whose noise is distinguished, and the correlation below which they share none."""
 
 
+MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
+
+
 class Whitening:
     """The Cholesky factors of the noise of all equations."""
 
@@ -101,3 +104,20 @@ def smoothed(power: np.ndarray, near: int) -> np.ndarray:
     at = np.arange(len(power))
     low, high = np.maximum(at - near, 0), np.minimum(at + near + 1, len(power))
     return (sums[high] - sums[low]) / (high - low)
+
+
+def memory_of(x: np.ndarray, run: np.ndarray) -> float:
+    """Return the correlation length of a residual in windows: the sum of its autocorrelation."""
+    x = x - np.mean(x)
+    power = float(np.mean(np.square(x)))
+    total, lag = 1.0, 1
+    while power > 0.0 and lag < min(len(x) // 4, 200):
+        same = run[lag:] == run[:-lag]
+        if not same.any():
+            break
+        rho = float(np.mean((x[lag:] * x[:-lag])[same])) / power
+        if rho < 0.05:
+            break
+        total += 2.0 * rho
+        lag += 1
+    return min(total, MOST_MEMORY)

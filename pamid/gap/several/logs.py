@@ -111,10 +111,6 @@ def diagnose(
     say = progress or (lambda _: None)
     say("read the log")
     log = logs_as_pandas(log)
-    if isinstance(simulator, Simulator) and simulator.states_equation:
-        from ..equation import diagnose_stated
-
-        return diagnose_stated(log, simulator, effects, conditions, seed, say)
     if isinstance(simulator, Simulator):
         if isinstance(log, Mapping):
             return diagnose_port_logs(log, simulator, effects, conditions, seed, say)

@@ -10,13 +10,14 @@ import numpy as np
 
 from ...errors import IncompatibleError
 from ...simulators.base import Simulator
-from ...simulators.catalogue import chosen
 from ...simulators.sizes import SignalSizes
+from ..at_ports import told
 from ..diagnosis.result import Diagnosis
 from ..inference.first_order import FirstOrder
+from ..one_equation import fitted_together
 from ..readings import settled
 from ..residuals.ports import PortEvidence
-from ..simulated import evidence_of, learn, outward
+from ..simulated import evidence_of, learn
 from .conditions import Conditions, conditions_of
 from .engine import naming, refuse_twice, sized, together
 from .stacked import Log
@@ -40,39 +41,43 @@ def diagnose_port_logs(
     names, held = list(logs), conditions_of(list(logs), conditions)
     each = _evidence(logs, simulator, held)
     places = {k: p for e in reversed(each) for k, p in e.placements.items()}
-    asked = chosen(places, effects)
+    asked = each[-1].library(effects, places)
     with threadpool_limits(1):
         library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
         say("estimate what could be explained")
-        close = dict[str, None]()
+        close, shares = dict[str, None](), list[float]()
         for one, some in zip(each, kept, strict=True):
             names_here = [k for k in library if k in some]
-            first = FirstOrder(one, names_here, None, learn(one, names_here).templates)
+            known = learn(one, names_here)
+            shares.append(known.share)
+            first = FirstOrder(one, names_here, None, known.templates)
             close |= dict.fromkeys(first.templates[s.templates[0]].effect for s in first.screen(1).contenders)
-        notes = [f"The residuals are {each[0].how}."]
+        notes = each[0].heard(float(np.mean(shares)))
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
-    known, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
+    kinds, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
     stacked = [Log(n, e, c.day) for n, e, c in zip(names, each, held, strict=True)]
-    found, verdict, stack = together(stacked, library, known, notes, rng, say, close=list(close))
+    found, verdict, stack = together(stacked, library, kinds, notes, rng, say, close=list(close))
     if verdict is None:
         return found
     found = replace(found, logs=sized(found.logs, [(e.log.n, len(e.log.names)) for e in each], held))
-    return outward(found, each[-1], stack)
+    return told(found, each[-1], stack)
 
 
 def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]) -> list[PortEvidence]:
     """Return the evidence of each log, computed in the same way; an error names its log."""
     found: list[PortEvidence] = []
-    longest = max(logs, key=lambda name: len(logs[name]))
-    for (name, log), conditions in zip(logs.items(), held, strict=True):
+    longest, under = max(logs, key=lambda name: len(logs[name])), [c.under(simulator) for c in held]
+    if simulator.states_equation:
+        under = fitted_together(logs, under)
+    for (name, log), its in zip(logs.items(), under, strict=True):
         with naming(name):
-            found.append(evidence_of(log, conditions.under(simulator), refit=name == longest))
+            found.append(evidence_of(log, its, refit=name == longest))
     if len({type(e) for e in found}) > 1:  # the log with the fewest states decides how all are evaluated
         found = [
-            evidence_of(log, c.under(simulator), refit=name == longest, simulated=True)
-            for (name, log), c in zip(logs.items(), held, strict=True)
+            evidence_of(log, its, refit=name == longest, simulated=True)
+            for (name, log), its in zip(logs.items(), under, strict=True)
         ]
     _refuse_strangers(dict(zip(logs, found, strict=True)))
     first = found[list(logs).index(longest)]
