@@ -51,6 +51,8 @@ class Parameter:
         coefficient of a velocity has -1, since N s becomes N s/m for a stroke in m; a displacement has 1.
     idle : bool, default=False
         Whether it is a limit: at the upper bound, or beyond what a signal reaches, the effect does nothing.
+    idle_below : bool, default=False
+        Whether it is a limit that does nothing at the lower bound.
     periods : bool, default=False
         Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
     spacing : float, default=0
@@ -80,6 +82,7 @@ class Parameter:
     before: bool = False
     position: int = 0
     idle: bool = False
+    idle_below: bool = False
     periods: bool = False
     spacing: float = 0.0
     factor: bool = False

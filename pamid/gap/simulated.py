@@ -303,7 +303,8 @@ def _forces(
         for cause in found.added:
             for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True):
                 place = evidence.placements[name]
-                if place.name == "back_emf" or place.port != joint.name:  # a back-EMF is not a force
+                forced = place.acts and place.name != "back_emf"  # a back-EMF is none, a sensor's offset neither
+                if not forced or place.port != joint.name:
                     continue
                 for word, p in _at(place, parameters).items():
                     if unit_powers(parameters[word].unit).get("N", 0) == 1:

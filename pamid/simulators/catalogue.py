@@ -20,6 +20,7 @@ from .of_parameters import OF_PARAMETERS, at_parameters
 from .placement import Placement, Scales, narrowed
 from .placing import GAP, PASCAL, STRAIN, follows_motion, placed
 from .sizes import SignalSizes
+from .stops import STOPS
 from .structure import rate_unit
 
 _TOP = 5e5
@@ -81,6 +82,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
             found.setdefault(name, ("chamber", effect))
     found["overflow"] = ("chamber", PortOverflow)
     found |= {name: ("link", effect) for name, effect in LAWS.items()}
+    found |= {name: ("joint", effect) for name, effect in STOPS.items()}
     return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
 
 
@@ -174,14 +176,20 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if kind != "joint" or not follows_motion(effect):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
+            if name in STOPS and not joint.position:
+                continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
             hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
-            found.append(placed(
+            made = placed(
                 name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior,
                 range_of=span / scale, interval=survey.interval,
-            ))  # fmt: skip
+            )  # fmt: skip
+            if name in STOPS:
+                low = survey.lows[joint.position] / scale
+                made = replace(made, effect=STOPS[name].within(low, low + span / scale))
+            found.append(made)
     return found
 
 

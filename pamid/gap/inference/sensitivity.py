@@ -139,15 +139,16 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
     if p.before or p.skew:  # an exact fit starts from there
         return [p.nominal]
+    if p.idle or p.idle_below:  # what counts is how far within
+        end, inward = (p.lower, 1.0) if p.idle_below else (p.upper, -1.0)
+        within = np.geomspace(abs(end - p.nominal) / _REACH, p.upper - p.lower, _POINTS[1])
+        return np.clip(end + inward * within, p.lower, p.upper).tolist()
     if p.spacing:
         return np.arange(p.lower, p.upper, p.spacing).tolist()
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
     if p.nominal == 0.0 or p.share:
         return [0.0, p.upper]
-    if p.idle:  # what counts is how far below
-        below = np.geomspace((p.upper - p.nominal) / _REACH, p.upper - p.lower, _POINTS[1])
-        return np.clip(p.upper - below, p.lower, p.upper).tolist()
     low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
     points = _POINTS.get(n_nonlinear, 3)
     return np.geomspace(low, high, points if high > 3.0 * low or n_nonlinear == 1 else 2).tolist()
