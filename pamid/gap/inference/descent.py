@@ -22,6 +22,8 @@ from .student_t import RobustFit, bounded, loglik, window_weights
 
 DAMPED = 1e-2
 """Damping of the first step; the result of a fit does not depend on it (``benchmarks/settings.py --computed``)."""
+REWEIGHTED = 4
+"""How often windows are weighted anew before a step: affects run time only."""
 BROYDEN = 3.0
 """Reuse the Jacobian after steps that gain more than this times the tolerance: affects run time only."""
 
@@ -83,13 +85,16 @@ def descend(
     A, anew = np.zeros(0), True
     for _ in range(rounds):
         A = slopes(best.x) if anew else A
-        w, here, room = window_weights(best, parts, weights), best, bounds(best.x)
-        H, g = A.T @ (A * w[:, None]) + np.diag(prior.precision), -(A.T @ (w * here.z))
-        g -= prior.precision * (here.x - prior.centre)
-        diagonal = np.maximum(np.diag(H), 1e-300)  # of any unit
+        here, room, ahead = best, bounds(best.x), best.z
         lower, upper = np.maximum(room.lower - here.x, -room.back), np.minimum(room.upper - here.x, room.on)
-        full = bounded(H, g, lower, upper)
-        promised = loglik(here.z + A @ full, parts, weights)[0] - prior.cost(here.x + full)
+        for _ in range(REWEIGHTED):  # windows count as they will where the step ends
+            w = window_weights(here._replace(z=ahead, scales=loglik(ahead, parts, weights)[1]), parts, weights)
+            H, g = A.T @ (A * w[:, None]) + np.diag(prior.precision), -(A.T @ (w * here.z))
+            g -= prior.precision * (here.x - prior.centre)
+            full = bounded(H, g, lower, upper)
+            ahead = here.z + A @ full
+        diagonal = np.maximum(np.diag(H), 1e-300)  # of any unit
+        promised = loglik(ahead, parts, weights)[0] - prior.cost(here.x + full)
         # A step that is cut short promises less than the way that goes on from there.
         short = bool(np.any(((full <= -room.back) & (lower == -room.back)) | ((full >= room.on) & (upper == room.on))))
         if promised <= here.loglik + enough or (promised <= behind and not short):
