@@ -114,7 +114,7 @@ def runner(evidence: PortEvidence) -> Run | None:
         if not spec.keys() <= runs.placements.keys():
             return None
         within = {k: runs.placements[k].inward(places[k].outward(v)) for k, v in spec.items()}
-        return (fitter.refine(within, steps=2) if refit else fitter.at(within)).loglik
+        return (fitter.refine(within) if refit else fitter.at(within)).loglik
 
     def run_if_it_can(spec: Spec, refit: bool) -> float | None:
         try:

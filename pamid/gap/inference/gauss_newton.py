@@ -167,20 +167,20 @@ class Fitter:
     ) -> Fit:
         """Fit everything, beginning from a spec."""
         x = np.zeros(self.n) if near is None else near
-        found, x = self._refined(spec, x, steps, gain, behind)
+        if self.evidence.bends:
+            return self._descended(joined(spec), x, LAID, min(gain, FINAL), behind)
+        found = self._refined(spec, x, steps, gain)
         for _ in range(ROUNDS - 1):
             if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < behind:
                 break
-            found, x = self._refined(found.spec, found.x, 2, gain, behind)
+            x = found.x
+            found = self._refined(found.spec, x, 2, gain)
         return found
 
-    def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float, behind: float) -> tuple[Fit, np.ndarray]:
-        """Fit everything with the tolerances linearised at deviations x; also return where it was linearised last."""
+    def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float) -> Fit:
+        """Fit everything with the tolerances linearised at deviations x."""
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
-        if self.evidence.bends:
-            found = self._descended(_spec(slots, phi), x, LAID, min(gain, FINAL), behind)
-            return found, found.x
         z = self.evidence.tangent(spec, x)
         best = self._fit(_spec(slots, phi), z, x)
         damping = 1.0
@@ -205,7 +205,7 @@ class Fitter:
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
-        return best, x
+        return best
 
     def _descended(
         self, spec: dict[str, dict[str, float]], x: np.ndarray, rounds: int, gain: float, behind: float,
@@ -213,7 +213,7 @@ class Fitter:
     ) -> Fit:  # fmt: skip
         """Fit everything, or tolerances beside fixed effects, each step linearised where the last one ended."""
         evidence, n, slots = self.evidence, self.n, [] if held else slots_of(self.evidence.effects, spec)
-        phi = np.array([spec[name][p.name] for name, p in slots])
+        phi = np.array([np.clip(spec[name].get(p.name, p.nominal), p.lower, p.upper) for name, p in slots], dtype=float)
         ends = np.array([(p.lower, p.upper) for _, p in slots]).reshape(-1, 2)
 
         def named(y: np.ndarray) -> dict[str, dict[str, float]]:
@@ -254,15 +254,12 @@ class Fitter:
         phi: np.ndarray,
         z: np.ndarray,
         x: np.ndarray,
-        only: Sequence[int] | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return sensitivities by finite differences, of some parameters alone if wanted, and how far a step may go."""
+        """Return sensitivities by finite differences, and how far a step may go."""
         D, spec = np.zeros((len(z), len(phi))), _spec(slots, phi)
         for k, (name, p) in enumerate(slots):
             v = phi[k]
             h = _nudge(p, v)
-            if only is not None and k not in only:
-                continue
             moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
             if len(spec) > 1 and not self.evidence.bends and all(adds(self.evidence.effects[n]) for n in spec):
                 # Contributions to an equation are additive, with or without other effects.
