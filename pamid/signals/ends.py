@@ -39,14 +39,18 @@ def one_sided_end(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None
 
 
 def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the end at the largest size; where a run begins or ends there, it may just rest."""
+    """Return the end at the largest size; where a run begins or ends there, it may just rest.
+
+    A reading with coarse steps stands at every turn of its motion, so at its end it has to stand longer.
+    """
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)
+    least = max([_IN_A_ROW, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])
     equal, pairs = 0, 0
     for a, b in spans:
         edges = np.flatnonzero(np.diff(np.concatenate([[0], at[a:b].astype(int), [0]])))
         for begin, stop in edges.reshape(-1, 2):
-            rows[a + begin : a + stop] = stop - begin >= _IN_A_ROW and begin > 0 and a + stop < b
+            rows[a + begin : a + stop] = stop - begin >= least and begin > 0 and a + stop < b
         both = ~(at[a : b - 1] & at[a + 1 : b])
         equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
         pairs += int(np.sum(both))
@@ -54,3 +58,12 @@ def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]])
     if not rows.any() or not limit > 0.0 or share > _SELDOM:
         return None
     return End(limit, rows, float(-np.log(share)))
+
+
+def _longest_turn(x: np.ndarray, least: float, most: float) -> int:
+    """Return the most rows that a reading stands at a turn between its extremes."""
+    begins = np.flatnonzero(np.diff(x, prepend=np.nan) != 0.0)
+    rows, level = np.diff(begins, append=len(x)), x[begins]
+    turns = np.diff(np.sign(np.diff(level))) != 0.0
+    inner = turns & (level[1:-1] > least) & (level[1:-1] < most)
+    return int(np.max(rows[1:-1][inner], initial=0))

@@ -96,3 +96,12 @@ def test_a_run_that_begins_or_ends_at_rest_reaches_no_end() -> None:
         assert end_of(rows, [(0, 200)]) is None
     x = np.sin(3.0 * t) + 0.3
     assert end_of(np.minimum(x, 1.2), [(0, 200)]) is not None
+
+
+def test_a_reading_with_coarse_steps_is_not_at_its_end_where_it_turns() -> None:
+    t = np.arange(4000) * 1e-3
+    x = np.round((1.0 + 0.1 * t) * np.sin(40.0 * t) / 5e-3) * 5e-3  # each turn lasts for several rows
+    largest = np.flatnonzero(np.abs(x) == np.max(np.abs(x)))
+    assert len(largest) >= 4
+    assert end_of(x, [(0, 4000)]) is None
+    assert end_of(np.clip(x, -1.2, 1.2), [(0, 4000)]) is not None
