@@ -16,6 +16,9 @@ from .plant import Plant
 from .values import Parameter
 
 PRESLIDING = Parameter("presliding", "-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1)
+TRANSITION = Parameter(
+    "transition", "1/s", 0.0, 0.1, 0.0, "speed below which friction fades, as tanh", position=1, refines=True
+)
 
 
 class Bristles(Effect):
@@ -27,6 +30,7 @@ class Bristles(Effect):
     path_dependent = True
     presliding: float
     exponent: float = 1.0
+    transition: float = 0.0
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return bristles at zero deflection."""
@@ -35,6 +39,10 @@ class Bristles(Effect):
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Bend the bristles by the displacement between the two instants."""
         return dahl(x, s1.position - s0.position, self.presliding, self.exponent)
+
+    def turned(self, s: Signals, x: Array) -> Array:
+        """Return the direction of friction, from -1 to 1; it fades where a motion is slow."""
+        return x[0] * np.tanh(np.abs(s.velocity) / self.transition) if self.transition else x[0]
 
 
 class LostMotion(Effect):

@@ -201,6 +201,9 @@ class Effect(ABC):
     prior: ClassVar[float] = 0.0
     """Logarithm of the odds with which it is expected: less than 0 for what another effect holds as a special case."""
 
+    extends: ClassVar[str] = ""
+    """Name of an effect that it holds as a special case, and whose form it shares."""
+
     registry: ClassVar[dict[str, type[Effect]]] = {}
     """Effects by name, filled as they are defined."""
 
@@ -240,6 +243,7 @@ class Effect(ABC):
         What has a sign, or is a plain number, keeps its bounds.
         """
         known = {p.name: p for p in cls.parameters}
+        values = {**{p.name: p.nominal for p in cls.parameters if p.refines}, **values}
         if set(values) != set(known):
             raise UnknownParameterError(
                 f"The effect {cls.name} has {', '.join(values) or 'no parameters'}.",

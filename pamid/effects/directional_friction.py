@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._laws import PRESLIDING, Bristles
+from ._laws import PRESLIDING, TRANSITION, Bristles
 from .base import Signals
 from .plant import Plant
 from .values import Parameter
@@ -16,18 +16,19 @@ class DirectionalFriction(Bristles):
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
 
-    with the gauge pressure p and Dahl's bristle z as in `CoulombFriction`. Pressure that lifts a lip lowers its
-    friction.
+    with the gauge pressure p and the direction z of the motion as in `CoulombFriction`. Pressure that lifts a
+    lip lowers its friction.
 
     Parameters
     ----------
     **values : float
         ``forward`` F₊ and ``backward`` F₋ (N), ``forward_per_pressure`` μ₊ and ``backward_per_pressure`` μ₋ (N/Pa),
-        ``presliding`` δ (unit of the position).
+        ``presliding`` δ (unit of the position), ``transition`` v_t (unit of the position per s).
     """
 
     name = "directional_friction"
-    roles = ("position", "pressure")
+    roles = ("position", "velocity", "pressure")
+    extends = "coulomb_friction"
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # friction alike in both directions is the simpler one
     source = "10.1016/0005-1098(94)90209-7"
@@ -46,6 +47,7 @@ class DirectionalFriction(Bristles):
             unlike="forward_per_pressure",
         ),
         PRESLIDING,
+        TRANSITION,
     )
     forward: float
     backward: float
@@ -54,8 +56,8 @@ class DirectionalFriction(Bristles):
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the friction of the direction in which the bristles are bent, N."""
-        forward, backward = self.forward, self.backward
+        z, forward, backward = self.turned(s, x), self.forward, self.backward
         if self.forward_per_pressure or self.backward_per_pressure:
             p = np.maximum(s.pressure - plant.atmospheric_pressure, 0.0)
             forward, backward = forward + self.forward_per_pressure * p, backward + self.backward_per_pressure * p
-        return -forward * np.maximum(x[0], 0.0) - backward * np.minimum(x[0], 0.0)
+        return -forward * np.maximum(z, 0.0) - backward * np.minimum(z, 0.0)

@@ -15,6 +15,9 @@ _ABOVE_0 = sys.float_info.min
 MOST_PERIODS = 40
 """Most periods of an effect of the position within the range that a log covers."""
 
+SLOW = 0.1
+"""Speeds as a share of the largest one at which dry friction is still told from viscous friction."""
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -57,6 +60,9 @@ class Parameter:
         Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
     spacing : float, default=0
         Least difference of values that a log distinguishes, in ``unit``; 0 where nothing is known.
+    refines : bool, default=False
+        Whether the effect is in its simplest form at 0, where fits begin: what a small share of the upper bound changes
+        tells them whether to go on.
     factor : bool, default=False
         Whether 1 plus it multiplies a positive number, which may be wrong by orders of magnitude: steps and intervals
         are those of the logarithm of that factor.
@@ -85,14 +91,17 @@ class Parameter:
     idle_below: bool = False
     periods: bool = False
     spacing: float = 0.0
+    refines: bool = False
     factor: bool = False
 
-    def over(self, span: float) -> Parameter:
+    def over(self, span: float, speed: float = 0.0) -> Parameter:
         """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.
 
         Half a period more in the range leaves a quarter of one out of step at either end: a sine between two such
-        rates still goes with either.
+        rates still goes with either. What refines a law at low speeds is at most `SLOW` of the largest ``speed``.
         """
+        if self.refines and speed > 0.0:
+            return replace(self, upper=SLOW * speed)
         if not self.periods or not span > 0.0:
             return self
         once = 2.0 * math.pi / span

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
-from ..effects import Effect, Signals
+from ..effects import Effect, Parameter, Signals
 from ..effects.plant import Surroundings
 from ..effects.values import checked_value
 from .base import Simulator
@@ -207,8 +207,10 @@ class Placement:
         return np.asarray(found, dtype=float) * self.scales.target
 
 
-def narrowed(effect: type[Effect], hidden: tuple[str, ...] = (), **changes: Any) -> type[Effect]:
+def narrowed(
+    effect: type[Effect], hidden: tuple[str, ...] = (), parameters: Sequence[Parameter] | None = None, **changes: Any
+) -> type[Effect]:
     """Return an effect of the library with parameters fixed at their nominal values, and other class attributes."""
-    kept = tuple(p for p in effect.parameters if p.name not in hidden)
+    kept = tuple(p for p in parameters or effect.parameters if p.name not in hidden)
     fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
     return type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

@@ -25,7 +25,7 @@ QUARTER = 0.5 * np.pi
 def placed(
     name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
     scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
-    reach: float = 0.0, least: float = 0.0, range_of: float = 0.0, interval: float = 0.0,
+    reach: float = 0.0, least: float = 0.0, range_of: float = 0.0, speed: float = 0.0, interval: float = 0.0,
 ) -> Placement:  # fmt: skip
     """Return an effect at a port, its parameters in the units there."""
     key = f"{name}@{port}"
@@ -48,8 +48,8 @@ def placed(
     if reach and "limit" in units:
         top, low = reach / scales.target, least / scales.target
         changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
-    if any(p.periods for p in effect.parameters):
-        changes["parameters"] = tuple(p.over(range_of) for p in effect.parameters)
+    if any(p.periods or p.refines for p in effect.parameters):
+        changes["parameters"] = tuple(p.over(range_of, speed) for p in effect.parameters)
     if any(_frequency(p) for p in effect.parameters):
         seen = QUARTER / (interval * scales.time) if interval else np.inf
         changes["parameters"] = tuple(_seen(p, seen) for p in effect.parameters)

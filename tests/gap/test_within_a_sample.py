@@ -182,11 +182,10 @@ def test_where_noise_would_bias_a_parameter_stretches_are_simulated() -> None:
 
 @pytest.mark.parametrize("late", [False, True])
 def test_what_the_corrected_simulator_lacks_of_the_fit_is_told(late: bool) -> None:
-    """Forces that were read half a sample late are allowed for, but a simulator file cannot hold that."""
+    """Forces that were read a sample late are allowed for, but a simulator file cannot hold that."""
     log = oscillator_log("xv", friction=FRICTION)
     if late:
-        before = log.groupby("trajectory")["force"].shift().fillna(log["force"])
-        log["force"] = 0.5 * (log["force"] + before)
+        log["force"] = log.groupby("trajectory")["force"].shift().fillna(log["force"])
     found = diagnose_simulator(log, oscillator(), ["coulomb_friction"])
     closure = next(c for c in found.closure if c.equation == found.causes[0].equation)
     assert closure.closed_share > 0.9 and closure.allowed == ("timing of force" if late else "")

@@ -114,7 +114,8 @@ def test_a_friction_by_direction_acts_where_no_pressure_is_logged(tmp_path: Path
     page.write_text(PAGE.format("directional_friction", "rail") + "forward = 0.4\nbackward = 0.2\n", encoding="utf-8")
     evidence = evidence_of(log(2.0), read_simulator(page))
     [(place, made)] = evidence.active({})
-    assert place.force(made, place.signals({"x": np.zeros(2)}), np.array([[1.0, -1.0]])) == pytest.approx([-0.4, 0.2])
+    still = place.signals({"x": np.zeros(2), "v": np.zeros(2)})
+    assert place.force(made, still, np.array([[1.0, -1.0]])) == pytest.approx([-0.4, 0.2])
 
 
 def test_a_friction_by_direction_is_not_sought_beside_an_offset_and_coulomb_friction() -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis, Outcome
 from ..inference.significance import Excess, excess, library_test, outliers
+from ..residuals.protocol import ResidualSource
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM, INCLUDED
 from .closure import shapley
 from .open_set import Trust, trust
@@ -81,7 +82,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
         for name in best.fit.spec:
             about = competition.gain_about(best, name)
-            verdict.weights[name] = _weights(outcome.alternatives[name], best, name, about)
+            verdict.weights[name] = _weights(outcome.alternatives[name], best, name, about, evidence)
             verdict.classes[name] = _class(verdict.weights[name], name)
         verdict.trust = trust(competition, outcome, verdict.part_of, verdict.classes)
         named = [name for name in best.fit.spec if verdict.trust[name].named]
@@ -104,13 +105,19 @@ def kind_of(verdict: Verdict, names: Sequence[str]) -> str:
     return "class" if len(verdict.classes[names[0]]) > 1 else "cause"
 
 
-def _weights(alternatives: Sequence[Hypothesis], best: Hypothesis, name: str, gain: float) -> dict[str, float]:
-    """Return the probability of each alternative to a cause, allowing for its inexact form."""
-    others = best.names - {name}
+def _weights(
+    alternatives: Sequence[Hypothesis], best: Hypothesis, name: str, gain: float, evidence: ResidualSource
+) -> dict[str, float]:
+    """Return the probability of each alternative to a cause, allowing for its inexact form.
+
+    A law that holds the cause as a special case has the same form: what it explains beyond that is all it has.
+    """
+    names = [next(iter(h.names - (best.names - {name}))) for h in alternatives]
     scores = np.array([h.score for h in alternatives])
-    width = CLASS + CLASS_SHARE * max(gain, 0.0)
+    width = np.full(len(names), CLASS + CLASS_SHARE * max(gain, 0.0))
+    width[[evidence.effects[n].extends == evidence.effects[name].name for n in names]] = 1.0
     w = np.exp((scores - scores.max()) / width)
-    return {next(iter(h.names - others)): float(v) for h, v in zip(alternatives, w / w.sum(), strict=True)}
+    return dict(zip(names, (w / w.sum()).tolist(), strict=True))
 
 
 def _class(weights: dict[str, float], name: str) -> tuple[str, ...]:

@@ -110,7 +110,10 @@ class Competition(FirstOrder):
         """Refit the sets of effects that may be the best, and return that one."""
         best, nothing = self.base, about.fit(()).score
         tried: list[frozenset[str]] = []
+        grown = not self.evidence.bends
         for subset in self._promising(about, contenders):
+            if len(subset.templates) > 1 and not grown and best.fit.spec:
+                best, grown = self._grown(best), True
             if len(subset.templates) > 1 and self.evidence.bends and best.fit.spec and self.enough(best):
                 break
             names = frozenset(self.templates[t].effect for t in subset.templates)
@@ -132,6 +135,20 @@ class Competition(FirstOrder):
                 tried.append(names)
                 best = max(best, self._purged(trial), *self._parted(trial, best), key=self._ranked)
                 self._tell(best)
+        return best
+
+    def _grown(self, best: Hypothesis) -> Hypothesis:
+        """Return a set with effects added to it while the evidence grows.
+
+        What an effect leaves where it is refitted shows the next one better than sets about no effect do: their first
+        order has it at a point of its grid.
+        """
+        while len(best.fit.spec) < MOST_CAUSES and not self.enough(best):
+            larger = self._step(best, None)
+            if larger is best:
+                break
+            best = larger
+            self._tell(best)
         return best
 
     def _parted(self, h: Hypothesis, best: Hypothesis) -> list[Hypothesis]:
@@ -269,8 +286,12 @@ class Competition(FirstOrder):
 
     def _step(self, at: Hypothesis, out: str | None) -> Hypothesis:
         """Return the best of a hypothesis and those with one effect added or replaced."""
-        without = frozenset() if out is None else frozenset({out})
-        return max([at, *self._neighbours(at, without, 2, 0.4)], key=self._ranked)
+        found = [at, *self._neighbours(at, frozenset() if out is None else frozenset({out}), 2, 0.4)]
+        best, likeliest = max(found, key=self._ranked), max(found, key=self.comparable)
+        if likeliest is not best and not self._ruled_out(likeliest):
+            # Some of its effects are redundant beside one that is right: what is left without them may be the best.
+            best = max(best, self._purged(likeliest), key=self._ranked)
+        return best
 
     def _neighbours(self, at: Hypothesis, out: frozenset[str], most: int, margin: float = 1.0) -> list[Hypothesis]:
         """Refit the most promising sets with one effect more, some effects taken away first."""

@@ -23,6 +23,8 @@ NEAR = 0.03
 """Move of the tolerances, in their unit, that needs no new one."""
 MIX = 0.4
 """How far a share of another form may go in one step."""
+REFINED = 0.05
+"""Share of the upper bound that shows what a parameter that refines an effect changes, from 0."""
 LAID, FINAL = 24, 0.3
 """Most steps of a fit that is relinearised as it goes, and the gain that ends it."""
 
@@ -288,6 +290,8 @@ def _nudge(p: Parameter, v: float) -> float:
     """Return a small change of a parameter that stays within its bounds."""
     if p.factor:
         return 1e-3 * (1.0 + v)
+    if p.refines and not v:
+        return REFINED * p.upper
     h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
     h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
     return h if v + h <= p.upper else -h

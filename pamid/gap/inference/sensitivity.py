@@ -81,7 +81,7 @@ def laid(evidence: ResidualSource, name: str) -> list[Template]:
     if not linear and len(others) == 1 and others[0].lower < 0.0:
         return _small_change(evidence, name, others[0])
     found = []
-    for point in itertools.product(*(grid(p, len(others)) for p in others)):
+    for point in itertools.product(*(grid(p, sum(not q.refines for q in others)) for p in others)):
         fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
         D = _columns(evidence, name, fixed, linear)
         bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
@@ -137,7 +137,7 @@ def adds(effect: type[Effect]) -> bool:
 
 def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
-    if p.before or p.skew:  # an exact fit starts from there
+    if p.before or p.skew or p.refines:  # an exact fit starts from there
         return [p.nominal]
     if p.idle or p.idle_below:  # what counts is how far within
         end, inward = (p.lower, 1.0) if p.idle_below else (p.upper, -1.0)

@@ -104,8 +104,9 @@ class OnEquation:
             told = {p.name: self.units.of(effect, p) for p in effect.parameters}
             follows = {role: role for role in (*table, *effect.roles) if role != "time"} | {"pressure": "pressure"}
             changes: dict[str, Any] = {}
-            if sizes is not None and (effect.channel == OUTPUT[self.kind] or any(p.periods for p in effect.parameters)):
-                changes["parameters"] = tuple(_shown(p, sizes, self.kind, scales.target) for p in effect.parameters)
+            of_motion = any(p.periods or p.refines for p in effect.parameters)
+            if sizes is not None and (of_motion or effect.channel == OUTPUT[self.kind]):
+                changes["parameters"] = tuple(_shown(p, sizes, self.kind, own) for p in effect.parameters)
             if scales.position != 1.0 and "bench" in effect.kinds:  # drag is as likely as any friction elsewhere
                 changes["prior"] = 0.0
             bound = narrowed(effect, **changes) if changes else effect
@@ -174,11 +175,13 @@ def _is_gauge(pressure: np.ndarray) -> bool:
     return len(pressure) > 0 and float(np.min(pressure)) < 0.5 * ATMOSPHERIC_PRESSURE
 
 
-def _shown(p: Parameter, sizes: SignalSizes, kind: str, target: float) -> Parameter:
+def _shown(p: Parameter, sizes: SignalSizes, kind: str, scales: Scales) -> Parameter:
     """Return bounds that the model reaches, beyond which a limit does nothing, and periods in a range."""
-    if p.periods:
-        return p.over(sizes.spans.get("position", 0.0))
-    top = sizes.tops[kind] / target
+    if p.periods or p.refines:
+        return p.over(
+            sizes.spans.get("position", 0.0), 0.5 * sizes.spans.get("velocity", 0.0) / (scales.position * scales.time)
+        )
+    top = sizes.tops[kind] / scales.target
     lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
     within = p.idle and lower < upper
     return replace(p, lower=lower, upper=upper, nominal=min(max(0.6 * top, lower), upper)) if within else p
