@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect
 from .dimensions import unit_powers
@@ -52,7 +52,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
         placed = replace(placed, link=link)
         if effect is Play:
             held, damped = link.stiffness * scale, link.damping * scale * survey.time
-            own = {"stiffness": held / scales.target, "damping": damped / scales.target}
+            own: dict[str, Any] = {"stiffness": held / scales.target, "damping": damped / scales.target}
             bound = narrowed(effect, (), **own)
             placed = replace(placed, effect=bound, powers={"half_width": 1}, units={"half_width": link.first.unit})
         found.append(placed)
