@@ -48,6 +48,7 @@ def test_smoothed_friction_is_found_with_its_transition(breakaway: float, law: s
     size = fitted["amplitude" if law == "coulomb_friction" else "coulomb"]
     assert size.value == pytest.approx(FRICTION / MASS, rel=0.03)
     assert fitted["transition"].value == pytest.approx(TRANSITION, rel=0.05)
+    assert "transition 0.0" in str(found)  # a simulator needs it, too
     slide = found.closure[0]
     assert slide.rmse_after < 1.6 * slide.noise_floor < 0.1 * slide.rmse_before
 
