@@ -120,9 +120,9 @@ class Runner:
 
 def substeps_for(
     simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray,
-    needed: Mapping[str, float], most: int = 32,
+    needed: Mapping[str, float], most: int = 32, share: float = 1e-3,
 ) -> int:  # fmt: skip
-    """Return the steps per sample beyond which a run changes by less than a thousandth of its range.
+    """Return the steps per sample beyond which a run changes by less than a share of its range, and stays finite.
 
     Readings need an accuracy of their own, which is no finer than a millionth of their range.
     """
@@ -131,7 +131,8 @@ def substeps_for(
     while steps < most:
         fine = _signals(simulator, Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p), t, u, p)
         size = np.ptp(fine, axis=(0, 2)) + 1e-300
-        if np.all(np.max(np.abs(fine - coarse), axis=(0, 2)) < np.clip(least, 1e-6 * size, 1e-3 * size)):
+        away = np.max(np.abs(fine - coarse), axis=(0, 2))
+        if np.all(np.abs(fine) < MOST) and np.all(away < np.clip(least, 1e-6 * size, share * size)):
             break
         steps, coarse = 2 * steps, fine
     return steps

@@ -69,6 +69,7 @@ class ShootingEvidence(PredictedEvidence):
         self.saturated = {n: end for n, end in found.items() if end is not None}
         self._from: dict[str, Begun] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
+        self._slow_down()
         self._lay()
         self._look_at_noise()
         # A stretch has enough windows that its initial state leaves something to compare.
@@ -80,6 +81,17 @@ class ShootingEvidence(PredictedEvidence):
         self._blocks()
         self._skew()
         self._settle()
+
+    def _slow_down(self) -> None:
+        """Take steps so short that no fast state runs away before its initial value is fitted; `_look` refines them."""
+        simulator, log = self.simulator, self.log
+        if simulator.form != "ode" or not simulator.states:
+            return
+        self.stretches = self._cut(max(b - a for a, b in log.spans))[:8]
+        rows = np.stack([np.minimum(s.first + np.arange(SHORTEST), s.stop - 1) for s in self.stretches], axis=1)
+        numbers = np.repeat(simulator.numbers[:, None], rows.shape[1], axis=1)
+        u = np.moveaxis(self._u[:, rows], 0, 1)
+        self.substeps = substeps_for(simulator, log.dt, log.t[rows], self._starts(), u, numbers, {}, share=1.0)
 
     def _fastest(self) -> int:
         """Return the longest window that averages no motion away: what is fast only in a reading may be noise."""
@@ -134,6 +146,7 @@ class ShootingEvidence(PredictedEvidence):
         pairs = kinematic_pairs(simulator, log.t[at], x, u)
         self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
         self.joints = joints_of(simulator, pairs, self.pushes)
+        self._responses.clear()  # those of the start know no path of a joint
         self.feeds = fed_by(simulator, log.t[at], x, u)
         self._rates = simulator.rate(log.t, self._states, self._u, p)
 
