@@ -120,7 +120,7 @@ class Runner:
 
 def substeps_for(
     simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray,
-    needed: Mapping[str, float], most: int = 32, share: float = 1e-3,
+    needed: Mapping[str, float], share: float, most: int = 32,
 ) -> int:  # fmt: skip
     """Return the steps per sample beyond which a run changes by less than a share of its range, and stays finite.
 

@@ -84,14 +84,17 @@ class ShootingEvidence(PredictedEvidence):
 
     def _slow_down(self) -> None:
         """Take steps so short that no fast state runs away before its initial value is fitted; `_look` refines them."""
-        simulator, log = self.simulator, self.log
-        if simulator.form != "ode" or not simulator.states:
-            return
-        self.stretches = self._cut(max(b - a for a, b in log.spans))[:8]
-        rows = np.stack([np.minimum(s.first + np.arange(SHORTEST), s.stop - 1) for s in self.stretches], axis=1)
-        numbers = np.repeat(simulator.numbers[:, None], rows.shape[1], axis=1)
-        u = np.moveaxis(self._u[:, rows], 0, 1)
-        self.substeps = substeps_for(simulator, log.dt, log.t[rows], self._starts(), u, numbers, {}, share=1.0)
+        if self.simulator.form == "ode" and self.simulator.states:
+            self.stretches = self._cut(max(b - a for a, b in self.log.spans))
+            self.substeps = self._enough(self._starts(), SHORTEST, {}, share=1.0)
+
+    def _enough(self, x0: np.ndarray, most: int, needed: Mapping[str, float], share: float) -> int:
+        """Return the steps per sample that some stretches need in their first rows, from initial states."""
+        simulator, log, some = self.simulator, self.log, self.stretches[:8]
+        length = min(max(s.stop - s.first for s in self.stretches), most)
+        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in some], axis=1)
+        numbers, u = np.repeat(simulator.numbers[:, None], len(some), axis=1), np.moveaxis(self._u[:, rows], 0, 1)
+        return substeps_for(simulator, log.dt, log.t[rows], x0[:, : len(some)], u, numbers, needed, share=share)
 
     def _fastest(self) -> int:
         """Return the longest window that averages no motion away: what is fast only in a reading may be noise."""
@@ -128,15 +131,9 @@ class ShootingEvidence(PredictedEvidence):
             self.joints = [JointPort(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
             return
         p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
-        length = min(max(s.stop - s.first for s in self.stretches), 400)
-        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches[:8]], axis=1)
-        numbers = np.repeat(simulator.numbers[:, None], rows.shape[1], axis=1)
         # A window's noise is that of a mean, while errors of integration do not average out in it.
         needed = {name: EXCESS * sigma / np.sqrt(self.n) for name, sigma in self.sigma.items()}
-        self.substeps = substeps_for(
-            simulator, log.dt, log.t[rows], self._x0[:, : len(rows[0])], np.moveaxis(self._u[:, rows], 0, 1), numbers,
-            needed,
-        )  # fmt: skip
+        self.substeps = self._enough(self._x0, 400, needed, share=1e-3)
         self._x0 = self._fitted_from(self._x0)[0] if self.substeps > 1 else self._x0
         states, _ = self._simulate(self._x0, self._u, p, [])
         for stretch, x in zip(self.stretches, states, strict=True):
