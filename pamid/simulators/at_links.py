@@ -47,7 +47,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
         placed = place_at(
             name, effect, link.name, "force" if motion else "flow", "link", link.first.state, follows, scales,
             link.unit, link.first.unit, hidden, 0.0 if name == "quadratic_drag" else None, range_of=span / scale,
-            speed=0.5 * survey.spans.get(link.follows.get("velocity", ""), 0.0) / (scale * survey.time),
+            speed=scales.speed(survey.spans.get(link.follows.get("velocity", ""), 0.0)),
         )  # fmt: skip
         placed = replace(placed, link=link)
         if effect is Play:

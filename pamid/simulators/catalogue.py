@@ -179,13 +179,13 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if name in STOPS and not joint.position:
                 continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
-            speed = 0.5 * survey.spans.get(joint.velocity, 0.0) / survey.time
             hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
             made = placed(
                 name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior,
-                range_of=span / scale, speed=speed / scale, interval=survey.interval,
+                range_of=span / scale, speed=scales.speed(survey.spans.get(joint.velocity, 0.0)),
+                interval=survey.interval,
             )  # fmt: skip
             if name in STOPS:
                 low = survey.lows[joint.position] / scale

@@ -35,6 +35,10 @@ class Scales:
     ambient: float = 0.0
     """Pressure of the surroundings, Pa; 0 where no gas is stored."""
 
+    def speed(self, span: float) -> float:
+        """Return the size of a speed that covers a range, in the library's units."""
+        return 0.5 * span / (self.position * self.time)
+
 
 @dataclass(frozen=True)
 class Placement:

@@ -178,9 +178,7 @@ def _is_gauge(pressure: np.ndarray) -> bool:
 def _shown(p: Parameter, sizes: SignalSizes, kind: str, scales: Scales) -> Parameter:
     """Return bounds that the model reaches, beyond which a limit does nothing, and periods in a range."""
     if p.periods or p.refines:
-        return p.over(
-            sizes.spans.get("position", 0.0), 0.5 * sizes.spans.get("velocity", 0.0) / (scales.position * scales.time)
-        )
+        return p.over(sizes.spans.get("position", 0.0), scales.speed(sizes.spans.get("velocity", 0.0)))
     top = sizes.tops[kind] / scales.target
     lower, upper = max(p.lower, 0.05 * top), min(p.upper, top)
     within = p.idle and lower < upper
