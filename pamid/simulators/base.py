@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -17,6 +17,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .problem import Problem
+
+
+class Carried(NamedTuple):
+    """Numbers of a payload on a body."""
+
+    numbers: Mapping[str, str]
+    """Names of its mass, as ``"value"``, and of its place, as ``"x"``, ``"y"`` and ``"z"``."""
+    centre: tuple[float, ...]
+    """Centre of the body, m: where a payload is first looked for."""
+    mass: float
+    """Mass of the whole, kg."""
+    reach: float
+    """Size of the whole, m."""
 
 
 class Simulator:
@@ -244,6 +257,10 @@ class Simulator:
         """Return for each joint the number to which additional inertia is added, and its present inertia."""
         return {}
 
+    def carried(self) -> dict[str, Carried]:
+        """Return for each body that may carry a payload the numbers of one."""
+        return {}
+
     @staticmethod
     def text_of(table: Mapping[str, Any], name: str, others: Sequence[str] = ()) -> str:
         """Return the required text entry of a simulator file's table; raise on any others."""
@@ -264,6 +281,15 @@ class Simulator:
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates of the states, shape (n_states, n); t (n,), x (n_states, n), u (n_inputs, n), p (n_p, n)."""
         raise NotImplementedError
+
+    def own_steps(
+        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float
+    ) -> np.ndarray | None:
+        """Return the states a sample of dt later, inputs going straight from starts to ends, by its own integrator.
+
+        In steps of about `step` s, or as good as exact for 0; None where it has no integrator of its own.
+        """
+        return None
 
     def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the outputs, shape (n_outputs, n)."""

@@ -5,7 +5,8 @@ as the same one after it,
 
 .. math:: y = H\,(G\,u) = G\,(H\,u)
 
-as long as that input moves only this reading, and no other input moves it.
+as long as that input moves only this reading, and no other input moves it. A gain does so where nothing constant, such
+as a weight, acts beside the input.
 """
 
 from __future__ import annotations
@@ -28,8 +29,7 @@ def commuting_paths(
 ) -> dict[str, str]:
     """Return the reading of each input that moves it alone, where the simulator is linear; none elsewhere."""
     names = (*simulator.states, *simulator.outputs)
-    signals = np.vstack([x, u])
-    slopes = _slopes(simulator, t, signals)
+    slopes = _slopes(simulator, t, np.vstack([x, u]))
     if slopes is None:
         return {}
     n = len(simulator.states)
@@ -48,11 +48,23 @@ def commuting_paths(
     return found
 
 
-def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str]) -> dict[str, str]:
-    """Return the effects at ports that are equivalent on linear paths, each by the other's name."""
+def rests(simulator: Simulator, t: np.ndarray, u: np.ndarray, driven: Collection[str]) -> bool:
+    """Return whether nothing but its initial state and the driven inputs moves a linear simulator."""
+    p, x = spread_numbers(simulator, len(t)), np.zeros((len(simulator.states), len(t)))
+    still = np.where([[name in driven] for name in simulator.inputs], 0.0, u)
+    at = [simulator.rate(t, x, v, p) for v in (still, u)]
+    shown = [simulator.output(t, x, v, p) for v in (still, u)] if simulator.outputs else at
+    return all(float(np.max(np.abs(a))) <= 1e-9 * float(np.max(np.abs(b))) for a, b in (at, shown))
+
+
+def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str], alone: bool) -> dict[str, str]:
+    """Return the effects at ports that are equivalent on linear paths, each by the other's name.
+
+    Gains are, where inputs move the simulator alone.
+    """
     found = {}
     for entry, reading in paths.items():
-        for word in LINEAR:
+        for word in LINEAR if alone else LINEAR[1:]:
             pair = f"actuator_{word}@{entry}", f"sensor_{word}@{reading}"
             if all(key in placements for key in pair):
                 found[pair[0]], found[pair[1]] = pair[1], pair[0]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -12,7 +12,8 @@ import numpy as np
 
 from ..errors import ParameterError, SimulatorSyntaxError
 from ..files import named_from
-from .base import Simulator
+from .base import Carried, Simulator
+from .mujoco_body import PAYLOAD, PLACE, Body, hands
 from .mujoco_loading import loaded_model
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
@@ -21,17 +22,19 @@ from .ports import ModelParameter, Port, merged
 
 _NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
-    "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator",
+    "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator", **dict.fromkeys(PAYLOAD, "body"),
 }  # fmt: skip
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
     "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"), "actuator_kp": ("N m/rad", "N/m"),
-    "actuator_kv": ("N m s/rad", "N s/m"),
+    "actuator_kv": ("N m s/rad", "N s/m"), "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
 _FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
 """Place of a servo's gains among the parameters of its bias."""
-_IN_REST = ("body_mass", "dof_armature", "actuator_gear")
+STEPS = 8
+"""Steps of the Runge-Kutta method over a sample, from which no exact answer can be told (see `Simulator.own_steps`)."""
+_IN_REST = ("body_mass", "payload", "dof_armature", "actuator_gear")
 """Numbers from which MuJoCo computes others where the model begins."""
 
 
@@ -97,6 +100,11 @@ class MujocoSimulator(Simulator):
         for k, joint in enumerate(self._joints):  # zero by default, but a joint may turn out to have more inertia
             number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._unit(f"dof_armature.{joint}"))
             given.setdefault(f"dof_armature.{joint}", number)
+        self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
+        for kind in PAYLOAD:
+            for body in self._hands:
+                given.setdefault(f"{kind}.{body}", ModelParameter(0.0, 0.0, self._unit(f"{kind}.{body}")))
+        self._bodies: dict[int, Body] = {}
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
@@ -137,6 +145,17 @@ class MujocoSimulator(Simulator):
         """Return for each joint its armature, and its inertia where the model begins."""
         return {j: (f"dof_armature.{j}", float(M)) for j, M in zip(self._joints, self._own_inertias, strict=True)}
 
+    def carried(self) -> dict[str, Carried]:
+        """Return for each body that may carry a payload the numbers of one."""
+        m = self._m
+        return {
+            body: Carried(
+                {"value": f"payload_mass.{body}"} | {name[-1]: f"{name}.{body}" for name in PLACE},
+                tuple(map(float, m.body_ipos[k])), float(m.body_subtreemass[0]), float(m.stat.extent),
+            )
+            for body, k in self._hands.items()
+        }  # fmt: skip
+
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Return the ranges of joints that have stops, and of commands that are limited."""
         m, found = self._m, {}
@@ -164,12 +183,16 @@ class MujocoSimulator(Simulator):
             known = [f"{k}.{n}" for k in _NUMBERS for n in self._bearers(k)]
             raise ParameterError(f"The model has no {name!r}.", f"one of {', '.join(known[:30])}", "Correct the name.")
         at: Any = _names(self._m, _NUMBERS[kind]).index(thing)
+        if _NUMBERS[kind] == "body":
+            return self._bodies.setdefault(at, Body(self._m, at)), kind
         if kind in _FED_BACK:
             return _Gain(self._m, at), _FED_BACK[kind]
         return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
 
     def _bearers(self, kind: str) -> list[str]:
         """Return what has a number of a kind: gains have servos alone."""
+        if kind in PAYLOAD:
+            return list(self._hands)
         names = _names(self._m, _NUMBERS[kind]) if kind in _NUMBERS else []
         return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in _FED_BACK else names
 
@@ -205,14 +228,41 @@ class MujocoSimulator(Simulator):
         for k in np.flatnonzero(numbers != self._has[: len(numbers)]).tolist():
             (array, at), value = self._slots[k], numbers[k]
             moved = moved or self._names[k].startswith(_IN_REST)
-            if self._names[k].startswith("body_mass") and self._nominal[k] > 0.0:  # a heavier body of the same shape
-                self._m.body_inertia[at] *= value / float(array[at])
             array[at] = self._has[k] = value
         if moved:
             _mujoco().mj_setConst(self._m, self._d)
 
-    def _each(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Any, sensors: bool = False) -> Any:
-        """Return readings of the model at many instants; NaN where an instant is not finite."""
+    def own_steps(
+        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float
+    ) -> np.ndarray:
+        """Return the states a sample later by MuJoCo's own integrator, or for steps of 0 by its Runge-Kutta method."""
+        mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
+        count = max(round(dt / step), 1) if step > 0.0 else STEPS
+        moves, out, known = not np.array_equal(starts, ends), np.empty(2 * m.nv), (m.opt.timestep, m.opt.integrator)
+
+        def advance(k: int) -> None:
+            for j in range(count):
+                if moves:
+                    u = starts[:, k] + (j + 0.5) / count * (ends[:, k] - starts[:, k])
+                    d.ctrl[:], d.qfrc_applied[:] = u[:nu], u[nu:]
+                mj.mj_step(m, d)
+
+        def read() -> np.ndarray:
+            out[0::2], out[1::2] = d.qpos, d.qvel
+            return out
+
+        m.opt.timestep = dt / count
+        m.opt.integrator = known[1] if step > 0.0 else mj.mjtIntegrator.mjINT_RK4
+        try:
+            return np.asarray(self._each(x, starts, p, len(out), read, advance=advance))
+        finally:
+            m.opt.timestep, m.opt.integrator = known
+
+    def _each(
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Callable[[], np.ndarray],
+        sensors: bool = False, advance: Callable[[int], None] | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Return readings of the model at many instants, or once it went on from there; NaN where one is not finite."""
         mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
         spec = mj.mjtState.mjSTATE_QPOS | mj.mjtState.mjSTATE_QVEL | mj.mjtState.mjSTATE_CTRL
         spec |= mj.mjtState.mjSTATE_QFRC_APPLIED
@@ -228,7 +278,10 @@ class MujocoSimulator(Simulator):
                 self._set(p[:, a])
             for k in (a + np.flatnonzero(usable[a:b])).tolist():
                 put(m, d, given[k], spec)
-                forward(m, d, stage, not sensors)
+                if advance is None:
+                    forward(m, d, stage, not sensors)
+                else:
+                    advance(k)
                 out[k] = read()
         return out.T
 
@@ -261,7 +314,8 @@ class MujocoSimulator(Simulator):
     def in_elements(self, but: Collection[str] = ()) -> MujocoSimulator:
         """Return the simulator with those of its effects that MJCF has elements for as numbers of its model.
 
-        Viscous friction becomes ``damping``, dry friction ``frictionloss``, the gain of a motor its gear.
+        Viscous friction becomes ``damping``, dry friction ``frictionloss``, the gain of a motor its gear, a payload a
+        body of its own.
 
         Parameters
         ----------
@@ -270,6 +324,8 @@ class MujocoSimulator(Simulator):
             stated.
         """
         numbers, rest = dict(self.parameters), []
+        for name in (n for load in self.carried().values() for n in load.numbers.values()):
+            numbers[name] = replace(numbers[name], value=0.0)
 
         def change(key: str, factor: float, more: float) -> None:
             array, at = self._slot(key)
@@ -316,6 +372,8 @@ class MujocoSimulator(Simulator):
         spec, written = spec_of(self.path), self.in_elements()
         for name, parameter in written.parameters.items():
             kind, _, thing = name.partition(".")
+            if kind in PAYLOAD:
+                continue
             item = spec_item(spec, self._m, _NUMBERS[kind], thing)
             if kind == "body_mass":
                 _scale_mass(item, self._m, parameter.value / written._own(name))
@@ -323,6 +381,10 @@ class MujocoSimulator(Simulator):
                 _put_gain(item, _FED_BACK[kind], parameter.value)
             else:
                 _put(item, kind.partition("_")[2], parameter.value)
+        for body, load in self.carried().items():
+            mass, *place = (self.get(load.numbers[word]) for word in ("value", "x", "y", "z"))
+            if mass > 0.0:
+                _add_payload(spec_item(spec, self._m, "body", body), f"{body}_payload", mass, place)
         rest = []
         for name, where, values in written.effects:
             if name == "actuator_gain" and where in self._actuators:
@@ -373,6 +435,13 @@ def _scale_mass(body: Any, m: Any, ratio: float) -> None:
             geom.mass *= ratio
         else:
             geom.density *= ratio
+
+
+def _add_payload(body: Any, name: str, mass: float, place: Sequence[float]) -> None:
+    """Put a point mass on a body as it is written."""
+    load = body.add_body()
+    load.name, load.explicitinertial = name, True
+    load.mass, load.ipos, load.inertia = mass, list(place), [0.0] * 3
 
 
 def _loaded(path: Path) -> Any:

@@ -281,6 +281,7 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
         }
         lines.append(f"{toml_key(port.name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
     none = {name for name, _ in simulator.joint_inertias().values()}
+    none.update(name for load in simulator.carried().values() for name in load.numbers.values())
     numbers = {n: p for n, p in simulator.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
     if numbers:
         lines += ["", "[parameters]"]

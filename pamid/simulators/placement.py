@@ -68,6 +68,8 @@ class Placement:
     """For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does."""
     link: Link | None = None
     """For an effect between two ports, both: it follows their differences, and acts on both."""
+    also: Mapping[str, str] = field(default_factory=dict)
+    """Of an effect on several parameters: the others, by the names that the effect knows them by."""
     numbers: Any = None
     """Numbers of the system that the effect may use, where its owner gives them."""
 
@@ -119,6 +121,17 @@ class Placement:
             outward = outward.of_any_size() if sized else outward
             out.values[p.name] = checked_value(named, outward, values[p.name]) / factor
             setattr(out, p.name, out.values[p.name])
+        return out
+
+    def adjusted(
+        self, made: Effect, p: np.ndarray, parameters: Sequence[str], along: np.ndarray | float = 0.5
+    ) -> np.ndarray:
+        """Return parameters, a row each, as an effect on some of them changes them at shares of a log."""
+        rows = {word: list(parameters).index(name) for word, name in {"value": self.at, **self.also}.items()}
+        known: dict[str, Any] = {"along": along, **{word: p[row] for word, row in rows.items()}}
+        out = p.copy()
+        for word, value in made.adjust(known).items():
+            out[rows[word]] = value
         return out
 
     # --- what it adds ---------------------------------------------------------------------------------------

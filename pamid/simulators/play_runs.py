@@ -33,8 +33,7 @@ def played(
     p = np.repeat(np.asarray(numbers, dtype=float)[:, None], n, axis=1)
     for place, made in active:
         if place.enters == "parameter":
-            k = list(simulator.parameters).index(place.at)
-            p[k] = made.adjust({"value": p[k], "along": np.arange(n) / max(n - 1, 1)})["value"]  # type: ignore
+            p = place.adjusted(made, p, list(simulator.parameters), np.arange(n) / max(n - 1, 1))
     drive = np.array(u, dtype=float)
     for place, made in active:
         if place.enters == "input" and not place.acts:

@@ -50,6 +50,21 @@ def spread_numbers(simulator: Simulator, n: int) -> np.ndarray:
     return np.repeat(simulator.numbers[:, None], n, axis=1)
 
 
+def straight(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, k: int, size: float) -> bool:
+    """Return whether the rates are linear in an input over changes of a size, at some instants."""
+    p = spread_numbers(simulator, len(t))
+
+    def moved(share: float) -> np.ndarray:
+        there = u.copy()
+        there[k] += share * size
+        return simulator.rate(t, x, there, p)
+
+    base = moved(0.0)
+    slope = moved(1.0) - base
+    most = 0.37 * np.max(np.abs(slope), axis=1, keepdims=True)
+    return bool(np.all(np.abs(moved(-0.37) - (base - 0.37 * slope)) <= 1e-6 * most + 1e-12))
+
+
 def joints_of(
     simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]
 ) -> list[JointPort]:

@@ -8,7 +8,7 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.simulators import FunctionSimulator, Port
-from pamid.simulators.commuting import commuting_paths
+from pamid.simulators.commuting import commuting_paths, rests
 
 STEP = 0.01
 
@@ -56,3 +56,12 @@ def test_only_linear_paths_from_one_input_to_one_reading_commute() -> None:
     both = rng.uniform(-1, 1, (2, 50))
     assert commuting_paths(mass, t, both, u, ["u"], {"x"}) == {"u": "x"}
     assert commuting_paths(mass, t, both, u, ["u"], {"x", "v"}) == {}
+
+
+def test_a_gain_commutes_where_no_weight_acts_beside_its_input() -> None:
+    ports = [Port("u", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    u, t = np.ones((1, 50)), np.arange(50.0)
+    for weight in (0.0, 9.81):
+        drone = FunctionSimulator(lambda t, x, u, p: [x.v, u.u - p.g - x.v], ports, {"g": weight})
+        assert rests(drone, t, u, ["u"]) == (weight == 0.0)
+        assert not rests(drone, t, u, [])  # an input that stands still is a weight, too

@@ -88,6 +88,20 @@ class Competition(FirstOrder):
         best, alternatives = self._settled(max(self._done.values(), key=self._ranked))
         return self._outcome(best, outcome.singles, alternatives)
 
+    def likeliest(self, best: Hypothesis, name: str, among: Callable[[str], bool]) -> list[Hypothesis]:
+        """Return the set with the likeliest of some effects, which share an equation with a cause, in its place."""
+        about, here = self._about(best, frozenset({name})), set(self.evidence.touched([name]))
+        among_them = {k for k in self.usable if k not in best.names and among(k)}
+        among_them = {k for k in among_them if here & set(self.evidence.touched([k]))}
+        gains = about.gains(about.fit(()))
+        for t in np.argsort(-gains, kind="stable"):
+            other = self.templates[t].effect
+            if gains[t] > 0.0 and other in among_them:
+                keep = [k for k in best.fit.spec if k != name]
+                done = self._done.get(frozenset({*keep, other}))
+                return [done or self._refitted(about, about.fit((int(t),)), best, keep)]
+        return []
+
     def _ruled_out(self, h: Hypothesis) -> bool:
         return any(name in h.names and better not in h.names for name, better in self.worse)
 

@@ -15,6 +15,7 @@ from ..residuals.protocol import Spec
 from ..settings import DECIDED, KEPT
 from .competition import ROUNDS, Competition
 from .hypotheses import Hypothesis, Outcome
+from .sensitivity import adds
 from .so_far import in_words
 
 Run = Callable[[Spec, bool], "float | None"]
@@ -48,7 +49,8 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
 def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hypothesis]]:
     """Return the causes that others may replace, as far as equations tell, with the sets by what is in their place.
 
-    Only a command's fault may have the place of what acts behind it, or the reverse.
+    Only a command's fault may have the place of what acts behind it, or the reverse. Where friction holds a joint its
+    own equation says nothing, so that it may explain as little as half of what a command's fault does.
     """
     best, effects, twins = outcome.best, competition.evidence.effects, competition.evidence.twins
     close = [
@@ -57,8 +59,13 @@ def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hyp
         for h in some
         if h is not best and h.score > best.score - DECIDED and twins.get(name) not in h.names
     ]
+    close = sorted(close, key=lambda c: -c[0].score)[:KEPT]
+    for name in best.names:
+        if "command" in effects[name].hooks():
+            holding = competition.likeliest(best, name, lambda k: effects[k].path_dependent and adds(effects[k]))
+            close += [(h, name) for h in holding if 2.0 * h.score > best.score + competition.base.score]
     found: dict[str, dict[str, Hypothesis]] = {}
-    for h, name in sorted(close, key=lambda c: -c[0].score)[:KEPT]:
+    for h, name in close:
         other = next(iter(h.names - best.names))
         if len({"command" in effects[k].hooks() for k in (name, other)}) > 1:
             found.setdefault(name, {name: best})[other] = h

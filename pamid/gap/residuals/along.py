@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from ...simulators.base import Simulator
 from ...simulators.of_parameters import FIXED
+from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 
 
@@ -15,12 +17,8 @@ def wide(p: np.ndarray, n: int) -> np.ndarray:
     return p if p.ndim == 2 else np.repeat(p[:, None], n, axis=1)
 
 
-def changed(p: np.ndarray, k: int, made: Any, log: PortLog) -> np.ndarray:
-    """Return parameters with the k-th as an effect changes it."""
-    if p.ndim == 1 and isinstance(made, FIXED):  # constant: no row has rates of its own
-        out = p.copy()
-        out[k] = made.adjust({"value": p[k]})["value"]
-        return out
-    out = wide(p, log.n).copy()
-    out[k] = made.adjust({"value": out[k], "along": log.along})["value"]
-    return out
+def changed(p: np.ndarray, place: Placement, made: Any, simulator: Simulator, log: PortLog) -> np.ndarray:
+    """Return parameters as an effect changes them."""
+    if not isinstance(made, FIXED):  # otherwise no row has rates of its own
+        p = wide(p, log.n)
+    return place.adjusted(made, p, list(simulator.parameters), log.along if p.ndim == 2 else 0.5)

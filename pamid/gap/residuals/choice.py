@@ -7,6 +7,7 @@ import numpy as np
 from ...signals.ends import end_of
 from ...signals.noise import quantisation_step
 from ..settings import LEAST_GAIN
+from .bends import MATTERS
 from .direct import DirectEvidence
 from .stretches import BELOW
 from .tolerances import rms
@@ -20,8 +21,6 @@ PULLED = (
     "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
     "more runs like these, or filtering the log, do not."
 )
-BENT = 0.02
-"""Share of a rate that its bend within a step may be: a motion of 13 samples a period has as much."""
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
 
@@ -79,7 +78,7 @@ def fast(found: DirectEvidence) -> bool:
     for noise, start, end in _accelerations(found):
         bend = np.diff(end - start, prepend=0.0) / 12.0
         bend[begins], bend[np.append(begins[1:], found.log.n) - 1] = 0.0, 0.0
-        if rms(bend) > max(noise, BENT * rms(start)):
+        if rms(bend) > max(noise, MATTERS * rms(start)):
             return True
     return False
 

@@ -18,7 +18,7 @@ from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
 from ...simulators.catalogue import chosen, port_effects
-from ...simulators.commuting import commuting_paths, twins_of
+from ...simulators.commuting import commuting_paths, rests, twins_of
 from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
@@ -194,16 +194,16 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     # --- the simulator with causes ---------------------------------------------------------------------------
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
         """Return the simulator with its own effects and others, parameters changed by multiples of tolerances."""
-        numbers = dict(zip(self.simulator.parameters, self.numbers(deviations), strict=True))
-        kept = []
+        numbers, names, kept = self.numbers(deviations), list(self.simulator.parameters), []
         for name, values in spec.items():
             place = self.placements[name]
             outward = place.outward(values)
             if isinstance(made := place.made(outward), FIXED):
-                numbers[place.at] = made.adjust({"value": numbers[place.at]})["value"]
+                numbers = place.adjusted(made, numbers, names)
             else:
                 kept.append((place.name, place.port, outward))
-        return self.simulator.with_({k: float(v) for k, v in numbers.items()}, [*self.simulator.effects, *kept])
+        changed = dict(zip(names, map(float, numbers), strict=True))
+        return self.simulator.with_(changed, [*self.simulator.effects, *kept])
 
     def deviated(self, deviations: Mapping[str, float]) -> Simulator:
         """Return the simulator as given, its parameters changed by multiples of their tolerances."""
@@ -229,7 +229,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         signals = self.signals()
         x, u = (np.array([signals[n][some] for n in names]) for names in (self.simulator.states, self.simulator.inputs))
         driven = [n for n in self.simulator.inputs if np.ptp(signals[n]) > 0.0]
-        return twins_of(self.placements, commuting_paths(self.simulator, log.t[some], x, u, driven, set(log.channels)))
+        paths = commuting_paths(self.simulator, log.t[some], x, u, driven, set(log.channels))
+        return twins_of(self.placements, paths, bool(paths) and rests(self.simulator, log.t[some], u, driven))
 
     def _refuse_nowhere(self, name: str, where: str) -> None:
         """Raise if one of the simulator's own effects is at an unknown port."""

@@ -79,8 +79,7 @@ class PredictedEvidence(StretchEvidence):
         u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
             if place.enters == "parameter":
-                k = list(simulator.parameters).index(place.at)
-                p[k] = made.adjust({"value": p[k], "along": log.along})["value"]
+                p = place.adjusted(made, p, list(simulator.parameters), log.along)
             elif place.enters == "input" and not place.acts:
                 k, u = simulator.inputs.index(place.at), u.copy()
                 u[k] = driven(place, made, u[k], log, not self.lines)

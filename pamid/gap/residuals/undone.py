@@ -29,6 +29,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...equations.windows import average
+from ...simulators.placement import Placement
 from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
@@ -116,12 +117,7 @@ class UndoneEvidence(PortEvidence, ABC):
         return self._jumps[key] * np.square(size / self.noise)
 
     def _noise_under(self, spec: Spec) -> tuple[np.ndarray, np.ndarray] | None:
-        places, states = self.placements, self.simulator.states
-        undone = {
-            k: v
-            for k, v in spec.items()
-            if places[k].enters == "parameter" or (places[k].enters == "output" and places[k].at in states)
-        }
+        undone = {k: v for k, v in spec.items() if self._changes_noise(self.placements[k])}
         if not undone:
             return None
         key = repr({k: dict(v) for k, v in undone.items()})
@@ -134,8 +130,15 @@ class UndoneEvidence(PortEvidence, ABC):
                 if usual > 0.0 and new > 0.0:
                     scale[part] = min(a, new / usual)
                     grown[part] = max(1.0, new / usual / a)
-            self._spreads[key] = scale, grown
+            acts = any(self.placements[k].acts for k in undone)
+            self._spreads[key] = scale, np.ones(len(grown)) if acts else grown  # forces widen it window by window
         return self._spreads[key]
+
+    def _changes_noise(self, place: Placement) -> bool:
+        """Return whether an effect follows noisy readings as the model does, so that both may cancel."""
+        follows = place.acts and not place.effect.path_dependent
+        of_state = place.enters == "output" and place.at in self.simulator.states
+        return place.enters == "parameter" or follows or of_state
 
     def _amplified(self, active: Active) -> list[float]:
         """Return by how much effects that are undone in readings amplify the measured side of each equation."""

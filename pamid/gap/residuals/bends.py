@@ -1,0 +1,57 @@
+r"""Rates that curve within a step: the mean of a rate over it is not that of its ends.
+
+A drive that is fast for the sampling follows each held command within the step, at whose end all is quiet again.
+Simpson's rule, with the state at mid-step on a cubic, :math:`\tfrac12 (x_0 + x_1) + \tfrac h8 (\dot x_0 - \dot x_1)`,
+shows by how much,
+
+.. math:: \bar f = \tfrac16 f_0 + \tfrac23 f_{1/2} + \tfrac16 f_1
+
+and where that is much, the simulator is run over each step from its start to x', which gives the mean exactly,
+:math:`\bar f = (x' - x_0) / h`. Which steps an integrator took there shows, too.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ...simulators.base import Simulator
+from ...simulators.integrate import Runner
+from ...simulators.port_log import PortLog
+from .between_rows import PIECES, after
+from .tolerances import rms
+
+MATTERS = 0.02
+"""Share of a rate that its bend may be: of a swing of 13 rows a period a line misses as much, and Simpson's rule on a
+cubic a hundredth of that."""
+FRACTIONS = 1, 2, 4
+"""Parts of a model's own step by which a log may have been made: 2 ms is a default that users often halve."""
+
+
+def simpson(
+    simulator: Simulator, log: PortLog, x: np.ndarray, rates: np.ndarray, inputs: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """Return what curves add to the mean of rates over each step, given at both of its ends; inputs at mid-step."""
+    start, end = np.hsplit(rates, 2)
+    middle = 0.5 * (x + after(x, log)) + log.dt / 8.0 * (start - end)
+    return 2.0 / 3.0 * (simulator.rate(log.t + 0.5 * log.dt, middle, inputs, p) - 0.5 * (start + end))
+
+
+def matters(bend: np.ndarray, rates: np.ndarray) -> bool:
+    """Return whether some rate bends so much within a step that it takes a run to know by how much."""
+    return any(rms(row) > MATTERS * rms(known) for row, known in zip(bend, rates, strict=True))
+
+
+def steps_of(simulator: Simulator) -> list[float]:
+    """Return the steps by which a log may have been made: as good as none, and a model's own or parts of it."""
+    return [0.0, *(simulator.own_step / n for n in FRACTIONS if simulator.own_step)]
+
+
+def means(
+    simulator: Simulator, log: PortLog, step: float, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray
+) -> np.ndarray:
+    """Return the means of the rates of states over each step, from inputs at its start to those at its end."""
+    later = simulator.own_steps(x, starts, ends, p, log.dt, step)
+    if later is None:
+        t = np.stack([log.t, log.t + log.dt])
+        later = Runner(simulator, log.dt, (), PIECES, True).states(t, x, np.stack([starts, ends]), p)[1]
+    return np.asarray((later - x) / log.dt)
