@@ -23,5 +23,12 @@ def test_a_cause_is_told_where_it_closes_most(left: float, where: str) -> None:
     assert main_equation(EVIDENCE, "leak", CONTRIBUTION, closure) == where
 
 
-def closed(before: float, after: float) -> Closure:
-    return Closure("any", before, after, noise_floor=0.3, closed_share=0.5, ci90=(0.4, 0.6))
+def test_a_cause_that_tolerances_made_up_for_is_told_where_the_gap_is() -> None:
+    """A pump's gain changes the first tank's equation; the outflow was fitted to it, and left a gap in the second."""
+    pump = SimpleNamespace(**{**vars(EVIDENCE), "touched": lambda names: ["first"]})
+    closure = {"first": closed(0.3, 0.29, 0.0), "second": closed(3.0, 0.3)}
+    assert main_equation(pump, "gain", CONTRIBUTION, closure) == "second"
+
+
+def closed(before: float, after: float, share: float = 0.5) -> Closure:
+    return Closure("any", before, after, noise_floor=0.3, closed_share=share, ci90=(0.4, 0.6))

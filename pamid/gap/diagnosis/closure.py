@@ -163,7 +163,8 @@ def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndar
     """Return the closed share of the explainable gap; 0 where nothing is explainable."""
     # Noise is known to a few per cent: a smaller excess over the floor is not a gap to close.
     room = before - floor
-    return np.where(room > 0.02 * floor, np.clip((before - after) / np.maximum(room, 1e-300), 0.0, 1.0), 0.0)
+    some = room > 0.02 * floor
+    return np.clip(np.divide(before - after, room, out=np.zeros_like(room), where=some), 0.0, 1.0)
 
 
 def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
@@ -194,11 +195,16 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
 def main_equation(
     evidence: ResidualSource, effect: str, contribution: np.ndarray, closure: Mapping[str, Closure]
 ) -> str:
-    """Return the equation in which an effect closes most: its strength there, at most what all causes close."""
-    strength = {}
+    """Return the equation in which an effect closes most: its strength there, at most what all causes close.
+
+    Where parameters within their tolerances made up for it in the equations that it changes, the gap is in others.
+    """
+    closed, strength = {}, {}
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         c = closure[name]
-        closed = (c.rmse_before**2 - c.rmse_after**2) / c.noise_floor**2 if c.noise_floor > 0.0 else np.inf
-        strength[name] = min(float(np.mean(np.square(contribution[part]))), closed)
+        closed[name] = (c.rmse_before**2 - c.rmse_after**2) / c.noise_floor**2 if c.noise_floor > 0.0 else np.inf
+        strength[name] = min(float(np.mean(np.square(contribution[part]))), closed[name])
     allowed = evidence.touched([effect]) or evidence.equations
+    if not any(closure[e].closed_share > 0.0 for e in allowed):
+        return max(evidence.equations, key=lambda e: closed[e])
     return max(allowed, key=lambda e: strength[e])
