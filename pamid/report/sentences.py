@@ -372,11 +372,11 @@ def how_far(d: Diagnosis) -> str:
         return f"How much of the gap closes could not be tested on unseen {_unseen(d)}."
     c, words = closures[0], Words.of(d)
     it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
-    text = (
-        f"Adding {it} closes {percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the gap "
-        f"{words.in_equation(c.equation)} on unseen {_unseen(d)}: "
-        f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
-    )
+    share = f"{percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the gap"
+    became = f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
+    text = f"Adding {it} closes {share} {words.in_equation(c.equation)} on unseen {_unseen(d)}: {became}"
+    if not any(o.closed_share for o in closures) and c.ci90 == (0.0, 1.0):
+        return f"On unseen {_unseen(d)} the gap {words.in_equation(c.equation)} is within the noise: {became}."
     rest = [o for o in closures[1:] if order.get(o.equation, 0.0) >= 0.1]
     others = [f"{percent(o.closed_share)} {words.in_equation(o.equation)}" for o in rest]
     return (f"{text}; {listed(others)}." if others else f"{text}.") + _by_itself(c)

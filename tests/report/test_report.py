@@ -87,6 +87,14 @@ def test_a_verdict_reads_as_sentences(diagnoses, verdict, words):
         assert not re.search(r"nan|inf\b|_|\{|\}|  |\.\.", sentence), sentence
 
 
+def test_a_gap_within_the_noise_has_no_share(diagnoses):
+    named = diagnoses["cause"]
+    noise = max(c.rmse_before for c in named.closure)
+    quiet = [replace(c, closed_share=0.0, ci90=(0.0, 1.0), noise_floor=noise) for c in named.closure]
+    told = answers(replace(named, closure=quiet)).how_far
+    assert "within the noise: 5.82 N becomes 1.43 N" in told and "%" not in told
+
+
 def test_what_closes_next_to_nothing_is_no_headline(diagnoses):
     first, second = diagnoses["several"].causes[:2]
     few = replace(diagnoses["several"], causes=[replace(first, share=0.93), replace(second, share=0.012)])
