@@ -36,11 +36,11 @@ def simulator_of(folder: Path, servo: dict[str, float]) -> MujocoSimulator:
     return MujocoSimulator(path)
 
 
-def log_of(servo: dict[str, float], step: float, more: str = LOAD, seconds: float = 8.0) -> pd.DataFrame:
+def log_of(servo: dict[str, float], step: float, more: str = LOAD, xml: str = "") -> pd.DataFrame:
     """Return a log at 125 Hz of a model that takes steps of its own."""
-    model = mujoco.MjModel.from_xml_string(ARM.format(more=more, **servo))
+    model = mujoco.MjModel.from_xml_string(xml or ARM.format(more=more, **servo))
     model.opt.timestep = step
-    data, rng, t = mujoco.MjData(model), np.random.default_rng(5), np.arange(0.0, seconds, 0.008)
+    data, rng, t = mujoco.MjData(model), np.random.default_rng(5), np.arange(0.0, 8.0, 0.008)
     u, rows = np.empty((2, len(t))), []
     for k in range(2):
         rate, phase = 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
@@ -68,6 +68,15 @@ def test_a_servo_that_is_fast_for_the_sampling_has_no_gap_by_itself(tmp_path: Pa
     """Its joint follows a command within the sample: a sixth of the motion between rows is missed by their speeds."""
     simulator = simulator_of(tmp_path, FAST)
     assert diagnose_simulator(log_of(FAST, 0.001, ""), simulator, LIBRARY).verdict == "none"
+
+
+def test_a_servo_that_is_too_stiff_shows_within_the_sample(tmp_path: Path) -> None:
+    """Two readings of one motion disagree by what the drive does between rows: its gain is the cause, not theirs."""
+    simulator = MujocoSimulator(simulator_of(tmp_path, FAST).path, parameters={"actuator_kp.b": 600.0})
+    xml = ARM.format(more="", **FAST).replace('joint="elbow" kp="600"', 'joint="elbow" kp="440"')
+    (cause,) = diagnose_simulator(log_of(FAST, 0.001, xml=xml), simulator, LIBRARY).causes
+    assert cause.where == ("actuator_kp.b",)
+    assert 600.0 * (1.0 + cause.parameters["deviation"].value) == pytest.approx(440.0, rel=0.03)
 
 
 @pytest.mark.parametrize("step", [0.002, 0.001, 0.0005])

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ..residuals.protocol import Spec
-from ..settings import DECIDED, KEPT
+from ..settings import CLOSE, CLOSE_SHARE, DECIDED, KEPT
 from .competition import ROUNDS, Competition
 from .hypotheses import Hypothesis, Outcome
 from .sensitivity import adds
@@ -50,7 +50,7 @@ def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hyp
     """Return the causes that others may replace, as far as equations tell, with the sets by what is in their place.
 
     Only a command's fault may have the place of what acts behind it, or the reverse. Where friction holds a joint its
-    own equation says nothing, so that it may explain as little as half of what a command's fault does.
+    own equation says nothing, so that it may explain less than a command's fault does.
     """
     best, effects, twins = outcome.best, competition.evidence.effects, competition.evidence.twins
     close = [
@@ -63,7 +63,8 @@ def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hyp
     for name in best.names:
         if "command" in effects[name].hooks():
             holding = competition.likeliest(best, name, lambda k: effects[k].path_dependent and adds(effects[k]))
-            close += [(h, name) for h in holding if 2.0 * h.score > best.score + competition.base.score]
+            reach = CLOSE + CLOSE_SHARE * (best.score - competition.base.score)
+            close += [(h, name) for h in holding if h.score > best.score - reach]
     found: dict[str, dict[str, Hypothesis]] = {}
     for h, name in close:
         other = next(iter(h.names - best.names))

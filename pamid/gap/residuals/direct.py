@@ -389,6 +389,7 @@ class DirectEvidence(UndoneEvidence):
 
         best = min(steps_of(self.simulator), key=left)
         left(best)
+        self.runs_within_steps = True
         if best not in (0.0, self.simulator.own_step):
             self.notes.append(
                 f"The log looks as if the model had made it in steps of {1e3 * best:g} ms: it states "
