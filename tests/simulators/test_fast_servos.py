@@ -9,6 +9,9 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.direct import DirectEvidence
+from pamid.gap.simulated import evidence_of
+from pamid.simulators import FunctionSimulator, Port
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -69,3 +72,18 @@ def test_a_play_of_the_command_is_no_dry_friction(arm: MujocoSimulator) -> None:
     (cause,) = diagnose_simulator(log_of(ARM, 1, 0.004), arm, LIBRARY).causes
     assert cause.effects[0] == "actuator_backlash" and cause.where[0] == "b"
     assert cause.parameters["half_width"].value == pytest.approx(0.004, rel=0.05)
+
+
+@pytest.mark.parametrize(("rate", "runs", "most"), [(10.0, False, 1.2), (200.0, True, 1.2), (5000.0, False, 3.0)])
+def test_a_simulator_is_run_over_each_sample_where_that_says_more(rate: float, runs: bool, most: float) -> None:
+    """A drive of 1/rate s at 100 Hz: too slow to need it, fast, and so stiff that a run of eight steps runs away."""
+    ports = [Port("u", "input", "m/s"), Port("q", "state", "m"), Port("v", "state", "m/s")]
+    drive = FunctionSimulator(lambda t, x, u, p: [x.v, p.k * (u.u - x.v)], ports, {"k": rate})
+    rng, rows, v, q = np.random.default_rng(0), [], 0.0, 0.0
+    for k, u in enumerate(0.05 * np.cumsum(rng.standard_normal(600))):
+        rows.append(("0", 0.01 * k, u, q + 1e-5 * rng.standard_normal(), v + 1e-3 * rng.standard_normal()))
+        left = np.exp(-0.01 * rate)
+        q, v = q + 0.01 * u + (v - u) * (1.0 - left) / rate, u + (v - u) * left
+    evidence = evidence_of(pd.DataFrame(rows, columns=["trajectory", "time", "u", "q", "v"]), drive)
+    assert isinstance(evidence, DirectEvidence) and evidence.runs_within_steps == runs
+    assert all(float(np.sqrt(np.mean(np.square(evidence.z0[part])))) < most for part in evidence.parts)

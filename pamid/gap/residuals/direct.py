@@ -376,21 +376,25 @@ class DirectEvidence(UndoneEvidence):
         return np.tile(bend, 2)
 
     def _run_within_steps(self) -> None:
-        """Run the simulator over each step where its rates curve much within one, by the steps that explain most."""
+        """Run the simulator over each step where its rates curve much within one, by the steps that explain most.
+
+        A stiff one may run away there, and is not run.
+        """
         if not self._fast:
             return
 
-        def left(step: float) -> float:
+        def left(step: float | None) -> float:
             self._step = step
             self._again()
             z = self._residual([], self.simulator.numbers)
             ends = np.cumsum([0, *(len(w.first) for w in self.windows)])
-            return sum((b - a) * np.log(rms(z[a:b]) + 1e-300) for a, b in pairwise(ends))
+            found = sum((b - a) * np.log(rms(z[a:b]) + 1e-300) for a, b in pairwise(ends))
+            return float(found) if np.isfinite(found) else np.inf
 
-        best = min(steps_of(self.simulator), key=left)
+        best = min((None, *steps_of(self.simulator)), key=left)
         left(best)
-        self.runs_within_steps = True
-        if best not in (0.0, self.simulator.own_step):
+        self.runs_within_steps = best is not None
+        if best and best != self.simulator.own_step:
             self.notes.append(
                 f"The log looks as if the model had made it in steps of {1e3 * best:g} ms: it states "
                 f"{1e3 * self.simulator.own_step:g} ms. The fit follows these steps, and does not call them a cause."
