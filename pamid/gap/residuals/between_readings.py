@@ -29,5 +29,8 @@ class KinematicEvidence(DirectEvidence):
         """Return the simulator's rates: what a drive does within a step is no disagreement of two readings."""
         return super()._rates(self._x, self._u, self._ends(self._u), self.simulator.numbers)
 
+    def _run_within_steps(self) -> None:
+        """Leave readings as they are: no simulator enters."""
+
     def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.zeros((len(self.simulator.outputs), self.log.n))

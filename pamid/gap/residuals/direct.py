@@ -376,10 +376,7 @@ class DirectEvidence(UndoneEvidence):
         return np.tile(bend, 2)
 
     def _run_within_steps(self) -> None:
-        """Run the simulator over each step where its rates curve much within one, by the steps that explain most.
-
-        A stiff one may run away there, and is not run.
-        """
+        """Run the simulator over samples in which its rates curve much, by the steps that explain most, if any do."""
         if not self._fast:
             return
 
