@@ -80,13 +80,16 @@ class UndoneEvidence(PortEvidence, ABC):
         return worst
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return the relative width of the noise under effects that are undone in readings; None without any."""
-        found = self._noise_under(spec)
+        """Return the relative width of the noise under effects that filter it or follow it; None without any."""
+        found = self._noise_under({k: v for k, v in spec.items() if self._changes_noise(self.placements[k])})
         return None if found is None else found[0]
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return the growth of noise over that of motion under effects; None where none changes it."""
-        found, jumps = self._noise_under(spec), self._jump(spec)
+        # What forces add is counted window by window, since dry friction jumps in few of them.
+        jumps = self._jump(spec)
+        undone = {k: v for k, v in spec.items() if not self.placements[k].acts}
+        found = self._noise_under({k: v for k, v in undone.items() if self._changes_noise(self.placements[k])})
         if jumps is None:
             return None if found is None else found[1]
         return jumps if found is None else found[1] * jumps
@@ -117,12 +120,12 @@ class UndoneEvidence(PortEvidence, ABC):
         return self._jumps[key] * np.square(size / self.noise)
 
     def _noise_under(self, spec: Spec) -> tuple[np.ndarray, np.ndarray] | None:
-        undone = {k: v for k, v in spec.items() if self._changes_noise(self.placements[k])}
-        if not undone:
+        """Return the relative width of the noise under all effects of a set, and its growth over that of motion."""
+        if not spec:
             return None
-        key = repr({k: dict(v) for k, v in undone.items()})
+        key = repr({k: dict(v) for k, v in spec.items()})
         if key not in self._spreads:
-            active, numbers = self.active(undone), self.simulator.numbers
+            active, numbers = self.active(spec), self.simulator.numbers
             changed = self._residual(active, numbers, self._copies[-1]) - self._residual(active, numbers)
             scale, grown = np.ones(len(self.value)), np.ones(len(self.value))
             for part, a in zip(self.parts, self._amplified(active), strict=True):
@@ -130,8 +133,7 @@ class UndoneEvidence(PortEvidence, ABC):
                 if usual > 0.0 and new > 0.0:
                     scale[part] = min(a, new / usual)
                     grown[part] = max(1.0, new / usual / a)
-            acts = any(self.placements[k].acts for k in undone)
-            self._spreads[key] = scale, np.ones(len(grown)) if acts else grown  # forces widen it window by window
+            self._spreads[key] = scale, grown
         return self._spreads[key]
 
     def _changes_noise(self, place: Placement) -> bool:
