@@ -13,6 +13,8 @@ from .placement import Placement
 from .structure import JointPort
 
 Acting = Sequence[tuple[Placement, Effect]]
+STEPS = 8
+"""Steps of the Runge-Kutta method over a sample, from which no exact answer can be told."""
 MOST = 1e9
 """Size, in spans of a state, at which a run has diverged: it is held there."""
 

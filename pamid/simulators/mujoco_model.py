@@ -13,6 +13,7 @@ import numpy as np
 from ..errors import ParameterError, SimulatorSyntaxError
 from ..files import named_from
 from .base import Carried, Simulator
+from .integrate import STEPS
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
 from .mujoco_loading import loaded_model
 from .mujoco_loading import mujoco_module as _mujoco
@@ -32,8 +33,8 @@ _UNITS = {
 """Units at a hinge and at a slide."""
 _FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
 """Place of a servo's gains among the parameters of its bias."""
-STEPS = 8
-"""Steps of the Runge-Kutta method over a sample, from which no exact answer can be told (see `Simulator.own_steps`)."""
+BEGIN = -1000.0
+"""Time at which steps over a sample begin, s: a model that goes beyond all bounds begins anew at rest, at 0."""
 _IN_REST = ("body_mass", "payload", "dof_armature", "actuator_gear")
 """Numbers from which MuJoCo computes others where the model begins."""
 
@@ -238,9 +239,11 @@ class MujocoSimulator(Simulator):
         """Return the states a sample later by MuJoCo's own integrator, or for steps of 0 by its Runge-Kutta method."""
         mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
         count = max(round(dt / step), 1) if step > 0.0 else STEPS
+        finite = np.isfinite(ends).all(axis=0)
         moves, out, known = not np.array_equal(starts, ends), np.empty(2 * m.nv), (m.opt.timestep, m.opt.integrator)
 
         def advance(k: int) -> None:
+            d.time, d.qacc_warmstart[:] = BEGIN, 0.0  # rows do not depend on their neighbours
             for j in range(count):
                 if moves:
                     u = starts[:, k] + (j + 0.5) / count * (ends[:, k] - starts[:, k])
@@ -249,12 +252,13 @@ class MujocoSimulator(Simulator):
 
         def read() -> np.ndarray:
             out[0::2], out[1::2] = d.qpos, d.qvel
-            return out
+            return out if abs(d.time - BEGIN - dt) < 0.5 * m.opt.timestep else lost
 
+        lost = np.full(len(out), np.nan)
         m.opt.timestep = dt / count
         m.opt.integrator = known[1] if step > 0.0 else mj.mjtIntegrator.mjINT_RK4
         try:
-            return np.asarray(self._each(x, starts, p, len(out), read, advance=advance))
+            return np.where(finite, self._each(x, starts, p, len(out), read, advance=advance), np.nan)
         finally:
             m.opt.timestep, m.opt.integrator = known
 

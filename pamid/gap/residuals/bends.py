@@ -15,9 +15,9 @@ from __future__ import annotations
 import numpy as np
 
 from ...simulators.base import Simulator
-from ...simulators.integrate import Runner
+from ...simulators.integrate import STEPS, Runner
 from ...simulators.port_log import PortLog
-from .between_rows import PIECES, after
+from .between_rows import after
 from .tolerances import rms
 
 MATTERS = 0.02
@@ -53,5 +53,5 @@ def means(
     later = simulator.own_steps(x, starts, ends, p, log.dt, step)
     if later is None:
         t = np.stack([log.t, log.t + log.dt])
-        later = Runner(simulator, log.dt, (), PIECES, True).states(t, x, np.stack([starts, ends]), p)[1]
+        later = Runner(simulator, log.dt, (), STEPS, True).states(t, x, np.stack([starts, ends]), p)[1]
     return np.asarray((later - x) / log.dt)
