@@ -92,6 +92,8 @@ class Simulator:
         effects: Sequence[tuple[str, str, Mapping[str, float]]] = (),
     ) -> None:
         self.ports = tuple(ports)
+        kinds = {p.kind for p in self.ports}
+        self._by_kind = {kind: tuple(p.name for p in self.ports if p.kind == kind) for kind in kinds}
         self.parameters: dict[str, ModelParameter] = as_parameters(parameters)
         self.effects: tuple[Any, ...] = tuple((name, where, dict(values)) for name, where, values in effects)
         names = [p.name for p in self.ports]
@@ -125,7 +127,7 @@ class Simulator:
             )
 
     def _of(self, kind: str) -> tuple[str, ...]:
-        return tuple(p.name for p in self.ports if p.kind == kind)
+        return self._by_kind.get(kind, ())
 
     @property
     def inputs(self) -> tuple[str, ...]:

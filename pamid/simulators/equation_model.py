@@ -89,6 +89,22 @@ class EquationSimulator(FunctionSimulator):
             assert show is not None
             super().__init__(lambda t, u, p: show(t, {}, u, p), ports, parameters, form="algebraic", effects=effects)
 
+    def _call(
+        self, what: str, function: Callable[..., Any], arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
+        t: np.ndarray | None, names: tuple[str, ...],
+    ) -> np.ndarray:  # fmt: skip
+        """Evaluate equations at all instants at once: they are data, and need no guards of a foreign function."""
+        out = np.empty((len(names), arguments[0][0].shape[1]))
+        given = [dict(zip(labels, rows, strict=True)) for rows, labels in arguments]
+        try:
+            with np.errstate(all="ignore"):
+                found = function(*(given if t is None else [t, *given]))
+                for row, name in zip(out, names, strict=True):
+                    row[:] = found[name]
+        except (TypeError, ValueError, ArithmeticError):  # such as a root of a negative constant
+            return super()._call(what, function, arguments, t, names)
+        return out
+
     @classmethod
     def from_page(
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
@@ -173,10 +189,12 @@ def formulas(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, A
                 f"The equation of {name} is nested too deeply: {text[:60]!r}.", "a shorter one", "Simplify it."
             ) from None
 
+    names, base = list(right), {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS}
+
     def values(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
-        own = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS, "t": t}
+        own = {**base, "t": t}
         for given in (x, u, p):
             own |= Values.named(given) if isinstance(given, Values) else given
-        return {n: eval(code, own) for n, code in zip(right, codes, strict=True)}
+        return {n: eval(code, own) for n, code in zip(names, codes, strict=True)}
 
     return values
