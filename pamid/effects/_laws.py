@@ -7,9 +7,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..signals.paths import play
+from ..signals.paths import Path, play
 from ..signals.state import Array
-from ._memory import branches_along, branches_at, branches_relax, dahl
+from ._memory import branches_along, branches_at, branches_relax, dahl, drawn_along
 from ._stop import RATIOS, stopped, stops_along, stops_at
 from .base import Effect, Signals
 from .plant import Plant
@@ -39,6 +39,16 @@ class Bristles(Effect):
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Bend the bristles by the displacement between the two instants."""
         return dahl(x, s1.position - s0.position, self.presliding, self.exponent)
+
+    def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
+        """Return the bristles along a path; where they bend exponentially, without a loop over its turns."""
+        if self.exponent <= 0.999:
+            return super().trace_along(path, plant, dt)
+        turns = path.turns
+        d = np.diff(turns.values, axis=0) / self.presliding
+        at_turns = drawn_along(np.copysign(1.0, d), np.exp(-np.abs(d)), np.zeros(1, dtype=int))
+        held = at_turns.ravel()[turns.last][None]
+        return self.step(held, Signals(position=turns.before), Signals(position=path.position), dt, plant)
 
     def turned(self, s: Signals, x: Array) -> Array:
         """Return the direction of friction, from -1 to 1; it fades where a motion is slow."""
