@@ -2,10 +2,11 @@ r"""
 A muscle's force map, and where its data end
 ============================================
 
-The first picture of any muscle: how much it pulls at which contraction and pressure. A geometric model is identified
-from a log and read at rest, :math:`F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}`. The
-dots are samples that the fit had: on an antagonistic joint, pressure and contraction rise together. Away from the dots
-the colours come from the geometry alone.
+The first picture to draw of a muscle: how strongly it pulls at each contraction and pressure. A geometric model is
+identified from a log and evaluated at rest,
+:math:`F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}`. The dots are the samples of the
+fit: on an antagonistic joint, pressure and contraction rise together. Away from the dots the colours come from the
+geometry alone.
 """
 
 import matplotlib.pyplot as plt

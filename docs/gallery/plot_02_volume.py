@@ -2,10 +2,11 @@ r"""
 The volume is found only if pressure and contraction vary separately
 ====================================================================
 
-A hybrid model learns the gas volume from the flow alone, through the first law :math:`\dot m = \frac{\dot P V}{\gamma
-R T} + \frac{P \dot V}{R T}`. On the simulated bench the true volume is known. On the left the log holds sines only:
-pressure and contraction move together, and many volumes give the same flow. On the right some runs hold the joint or
-one pressure; now the two terms of the law are separated, and the volume is found.
+A hybrid model learns the gas volume from the flow alone, through the first law
+:math:`\dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T}`. On the simulated bench the true volume is known.
+On the left the log contains only sines: pressure and contraction move together, and many volumes give the same flow.
+On the right some runs hold the joint or one pressure constant; now the two terms of the law are separated, and the
+volume is found.
 """
 
 import matplotlib.pyplot as plt

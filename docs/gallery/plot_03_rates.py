@@ -2,10 +2,10 @@
 Rates: three methods, tuned by the signal itself
 ================================================
 
-Rates are not measured; they are estimated, and they decide the error of a flow model. Three methods, each tuned by
-the signal itself, on a triangle of pressure with the noise of a typical sensor. A sharp corner and a smooth slope need
-opposite settings, and the methods reach nearly the same compromise; the differences of neighbouring samples, in grey,
-show the noise that they overcome.
+Rates are not measured but estimated, and they dominate the error of a flow model. The picture compares three methods,
+each tuned by the signal itself, on a triangle of pressure with the noise of a typical sensor. A sharp corner and a
+smooth slope need opposite settings, and the methods reach nearly the same compromise; the differences between
+neighbouring samples, in grey, show the noise that they suppress.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,10 @@
 Six kinds of friction have six shapes
 =====================================
 
-Six effects that all widen the loop of force over contraction, each alone on the simulated bench, under a slow and a
-fast sine. The picture shows what the effect adds to the force: dry friction jumps at the reversal and does not depend
-on speed, viscous friction grows with it, Bouc–Wen hysteresis turns gradually, creep depends on elapsed time. A
-diagnosis distinguishes them by these shapes, and only as far as a log shows them.
+These six effects all widen the loop of force over contraction. Each acts alone on the simulated bench, under a slow
+and a fast sine. The picture shows what each effect adds to the force: dry friction jumps at the reversal and does not
+depend on speed, viscous friction grows with it, Bouc–Wen hysteresis turns gradually, creep depends on elapsed time. A
+diagnosis distinguishes them by these shapes, and can do so only as far as the log shows them.
 """
 
 import matplotlib.pyplot as plt

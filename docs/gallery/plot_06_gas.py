@@ -2,10 +2,10 @@ r"""
 Slow gas is isothermal, quick gas adiabatic
 ===========================================
 
-Compressed quickly, air warms and has no time to cool: adiabatic, exponent 1.4. Compressed slowly it stays at the
-temperature of the walls: isothermal, exponent 1. The effect ``heat_transfer`` goes from one to the other with the
-frequency, where a ``polytropic_exponent`` is the same at all of them. Here a chamber of fixed volume is filled and
-vented by a sine of pressure; the flow shows the chamber's effective exponent.
+Compressed quickly, air warms and has no time to cool: adiabatic, exponent 1.4. Compressed slowly, it stays at the
+temperature of the walls: isothermal, exponent 1. With the effect ``heat_transfer`` the exponent rises from one to the
+other as the frequency grows; a ``polytropic_exponent`` is the same at all frequencies. Here a chamber of fixed volume
+is filled and vented by a sine of pressure; the flow shows the chamber's effective exponent.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,8 @@ What a bench records in one run
 ===============================
 
 Two muscles pull at a joint against each other, each behind its own valve. The joint follows a sine, then a step;
-below, the pressures that this takes, the flow into each muscle, and their forces. Everything is as the sensors of a
-bench would show it, noise and quantisation included.
+below are the pressures that this takes, the flow into each muscle, and their forces. Everything is as the sensors of
+the bench would show it, including noise and quantisation.
 """
 
 import matplotlib.pyplot as plt

@@ -4,7 +4,7 @@ One sine covers a line; several runs cover the state
 
 A model knows the states that its log has visited, and a diagnosis can only name what the runs excite. One slow sine
 follows a line through the state; several frequencies and amplitudes fill it; runs with one pressure held, with the
-joint held and with the valves shut reach what motion alone never shows. Each dot is one sample of muscle 1.
+joint held or with the valves shut reach states that motion alone never reaches. Each dot is one sample of muscle 1.
 """
 
 import matplotlib.pyplot as plt

@@ -2,8 +2,8 @@
 Five force models on runs they have not seen
 ============================================
 
-Five models of the force, each fitted on some runs of a muscle with hysteresis and scored on the others. The bars are
-90 % intervals over runs; the dashed line is what the sensors' noise alone would leave.
+Five force models are fitted to some runs of a muscle with hysteresis and scored on the others. The bars are 90 %
+intervals over runs; the dashed line is what the sensors' noise alone would leave.
 """
 
 import matplotlib.pyplot as plt

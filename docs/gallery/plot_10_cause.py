@@ -2,7 +2,7 @@
 A cause is named, and the map turns white
 =========================================
 
-A log of a bench with Coulomb friction, and a simulator without it. The maps show the mean of measured minus
+The log is from a bench with Coulomb friction, which the simulator lacks. The maps show the mean of measured minus
 modelled force over the state: without friction in the simulator the colours differ between the two directions of
 motion, and with the named cause added both maps are white.
 """

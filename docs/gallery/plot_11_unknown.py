@@ -2,9 +2,9 @@
 No effect fits: the answer is unknown
 =====================================
 
-The load cells read an additional ripple over the contraction, which no effect of a bench in the library describes. The
-honest answer is ``unknown``: nothing is added to the simulator, but the map still says where to look, and the remainder
-what it depends on.
+The load cells show an additional ripple over the contraction, which no effect in the library for a bench describes.
+The honest answer is ``unknown``: nothing is added to the simulator, but the map still shows where to look, and the
+remainder shows what the gap depends on.
 """
 
 from textwrap import fill

@@ -2,9 +2,9 @@
 Two causes look alike until the right run is recorded
 =====================================================
 
-Fittings and tube hold gas that the simulator does not include: a dead volume. Under sines of one kind, warmer gas would
-leave nearly the same trace in the flow, so the diagnosis reports a class of both, and proposes the run that would
-decide. With that run in the log, the same command names one cause: the right one.
+Fittings and tube hold gas that the simulator does not include: a dead volume. Under sines of one kind, warmer gas
+would leave nearly the same trace in the flow, so the diagnosis reports both as a class, and proposes the run that
+would decide between them. With that run in the log, the same command names one cause: the right one.
 """
 
 from textwrap import fill

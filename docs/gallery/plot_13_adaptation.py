@@ -3,8 +3,8 @@ A model of another muscle from a few dozen samples
 ==================================================
 
 A model of muscle A, trained on plenty of data, becomes a model of muscle B, which is twice as wide. ``QAdapter``
-keeps what both share and learns a factor on the volume; the same network from scratch must learn everything again. The
-dashed line is the model of B on all its data.
+keeps what both share and learns a factor on the volume; the same network, trained from scratch, must learn everything
+again. The dashed line is the model of B on all its data.
 """
 
 import warnings

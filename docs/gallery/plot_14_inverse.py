@@ -1,10 +1,10 @@
 """
-Which pressure brings this force at this contraction
+Which pressure gives this force at this contraction?
 ====================================================
 
-A controller needs the reverse: the pressure that produces a desired force and contraction. The
-inverse model learns it from lifts of four loads and answers for loads that it has not seen. Up and down differ by the
-hysteresis of the braid, so the model also reads the last direction of motion.
+A controller needs the reverse of a force model: the pressure that produces a desired force and contraction. The
+inverse model learns it from lifts of four loads and answers for loads that it has not seen. Lifting and lowering
+differ by the hysteresis of the braid, so the model also uses the last direction of motion.
 """
 
 import matplotlib.pyplot as plt

@@ -3,8 +3,9 @@ A muscle wears, and the alarm says when
 =======================================
 
 ``OnlineAdapter`` follows a muscle sample by sample at 1 kHz: a Kalman filter over a factor on the model's prediction.
-From 8 s on the muscle loses force, 12 % over ten seconds. The alarm fires once the drift cannot be chance. The band is
-two standard deviations of the filter's estimate; it trails a steady drift by its forgetting time of a second.
+From 8 s on the muscle loses force, 12 % over ten seconds. The alarm fires once the drift cannot be chance. The band
+shows two standard deviations of the filter's estimate, which trails a steady drift by its forgetting time of one
+second.
 """
 
 import matplotlib.pyplot as plt

@@ -1,11 +1,11 @@
 """
-Only whole runs held out give intervals that hold
-=================================================
+Intervals hold only if whole runs are held out
+==============================================
 
-How large may the error of a prediction be on an unseen run? The residuals of the fit are too small, here those of a
-forest that has nearly memorised its samples; and folds of single samples are no better, since the neighbours of each
-held-out sample were in the fit. ``ConformalRegressor`` holds whole runs out, around any regressor. Below, one new run,
-and the share of the samples of 16 new runs that the intervals cover.
+How large may the error of a prediction be on an unseen run? The residuals of the fit are too small, especially for a
+forest that has nearly memorised its samples, as here. Folds of single samples are no better, since the neighbours of
+each held-out sample were in the fit. ``ConformalRegressor`` holds out whole runs, around any regressor. The pictures
+show one new run, and the share of samples of 16 new runs that the intervals cover.
 """
 
 import matplotlib.pyplot as plt

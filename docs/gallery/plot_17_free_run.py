@@ -2,9 +2,9 @@
 One step ahead flatters; a free run does not
 ============================================
 
-One-step predictions always look good. In a free run a model is given its first value and the inputs, and feeds back its
-own output. A neural autoregressive model of a muscle that lifts a load, fitted to free runs, on a load and a motion
-that it has not seen.
+One-step predictions always look good. In a free run a model is given its first value and the inputs, and feeds back
+its own output. The model here is a neural autoregressive model of a muscle that lifts a load. It was fitted to free
+runs and is shown on a load and a motion that it has not seen.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,10 @@
 Where a model is off, not only how much
 =======================================
 
-One number does not say why a model is off. The map shows the mean error over the state on runs that the fit has not
-seen, the loops one such run. A geometry leaves all of the hysteresis: one colour while the muscle shortens, the other
-while it lengthens. A hybrid that sees the direction of motion leaves half as much, and nearly all of it in one corner
-where its runs had hardly been: the next thing to record. Note the different colour scales.
+One number does not say why a model is off. The map shows the mean error over the state, on runs that the fit has not
+seen; the loops show one such run. A geometry leaves all of the hysteresis: one colour while the muscle shortens, the
+other while it lengthens. A hybrid that sees the direction of motion leaves half as much, and nearly all of it in one
+corner that its runs hardly reached: the next thing to record. Note the different colour scales.
 """
 
 import matplotlib.pyplot as plt

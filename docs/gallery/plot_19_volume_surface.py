@@ -2,9 +2,9 @@
 How far from the data a volume is known
 =======================================
 
-The gas volume that a hybrid model has learnt from the flow, over contraction and pressure, with its uncertainty as
-lines: the spread among fits on other draws of runs. Pale regions had no samples nearby. Runs that hold the joint or one
-pressure widen the region in which the volume is known.
+The colours show the gas volume that a hybrid model has learnt from the flow, over contraction and pressure. The lines
+show its uncertainty: the spread among fits to other draws of runs. Pale regions had no samples nearby. Runs that hold
+the joint or one pressure widen the region in which the volume is known.
 """
 
 import matplotlib.pyplot as plt

@@ -2,9 +2,9 @@
 Diagnose, design a run, record it, diagnose again
 =================================================
 
-Slow sines leave a class: a dead volume, another exponent of the gas and a warmer gas explain them alike. The next run
-is designed such that these, each refitted, differ most; it is recorded, and the diagnosis continues. To the left the
-confidences after each log, to the right the designed run.
+Slow sines leave a class: a dead volume, another exponent of the gas and a warmer gas explain them equally well. The
+next run is designed so that these explanations, each refitted, differ most; it is recorded, and the diagnosis
+continues. The left picture shows the confidences after each log, the right one the designed run.
 """
 
 import matplotlib.pyplot as plt
