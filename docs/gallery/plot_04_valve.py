@@ -2,7 +2,8 @@ r"""
 Why a muscle fills evenly when empty and slowly when full
 =========================================================
 
-The servo valve of the bench after ISO 6358: :math:`\dot m = C\,u\,\rho_0\,P_s\,\psi(P/P_s)` while it fills and
+The flow through the servo valve of the bench follows ISO 6358: it is
+:math:`\dot m = C\,u\,\rho_0\,P_s\,\psi(P/P_s)` while it fills and
 :math:`-C\,|u|\,\rho_0\,P\,\psi(P_\mathrm{atm}/P)` while it vents. Left of the dots the flow is choked: it does not
 depend on the pressure behind the orifice. This is why a muscle fills at an even rate when empty and slowly when
 nearly full, and the reverse when it vents.
