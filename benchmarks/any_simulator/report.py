@@ -69,7 +69,7 @@ def figures(records: list[Record], method: str) -> dict[str, str]:
         "foreign causes named": "–" if learner else _share([s["named"] for _, s in foreign]),
         "foreign causes named without reserve": "–" if learner else _share([_plainly(s) for _, s in foreign]),
         "decidable, said with reserve": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
-        "closed on runs to come, median, decidable": _median(
+        "closed on unseen runs, median, decidable": _median(
             [max(s["closed"], -1.0) for k, s in decidable if s["closed"] is not None]
         ),
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Inertia of the load other than assumed."""
+"""Inertia of the load that differs from the assumed one."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from .values import Parameter
 
 
 class Inertia(Deviation):
-    r"""Inertia of the load other than assumed. J → J (1 + δ).
+    r"""Inertia of the load that differs from the assumed one. J → J (1 + δ).
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Damping of the joint other than assumed."""
+"""Damping of the joint that differs from the assumed one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class JointDamping(Effect):
-    r"""Damping of the joint other than assumed: b_q → b_q + Δb.
+    r"""Damping of the joint that differs from the assumed one: b_q → b_q + Δb.
 
     Parameters
     ----------

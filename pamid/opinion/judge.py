@@ -120,7 +120,7 @@ class Opinion:
 
     def sentences(self) -> list[str]:
         """Return it in sentences, the most important first."""
-        words = {"absorbed": "absorbed what is missing", "off": "is off"}
+        words = {"absorbed": "absorbed the missing physics", "off": "is off"}
         said = [f"{j.name} {words[j.status]}: {j.why}." for j in self.numbers if j.status in words]
         if self.missing and _closes(self.diagnosis):
             said.append(f"Missing in the simulator: {', '.join(self.missing)}.")

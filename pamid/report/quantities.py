@@ -69,7 +69,8 @@ NAMES = ("coulomb", "stribeck", "bouc", "wen", "maxwell", "prandtl", "ishlinskii
 def effect(name: str) -> str:
     """Return an effect's name as words: ``coulomb_friction`` is Coulomb friction."""
     words = re.split("[_ ]", name)  # several stand beside each other with "and"
-    return " ".join(w.capitalize() if w in NAMES else w for w in words)
+    said = " ".join(w.capitalize() if w in NAMES else w for w in words)
+    return said.replace(" dependent", "-dependent")
 
 
 _SAID = {

@@ -216,10 +216,10 @@ def _region_text(regions: list[Region], equation: str, part: str, words: Words) 
     own = [r for r in regions if r.equation == equation]
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
-        found = f"{percent(share)} of {part} is found in {percent(samples)} of the samples"
-        return f"{found}, most of all {region_words(region.query, words)}"
+        found = f"{percent(share)} of {part} lies in {percent(samples)} of the samples"
+        return f"{found}, mostly {region_words(region.query, words)}"
     return (
-        f"{percent(region.share)} of {part} is found in {percent(region.samples)} of the samples, "
+        f"{percent(region.share)} of {part} lies in {percent(region.samples)} of the samples, "
         f"{region_words(region.query, words)}"
     )
 

@@ -77,12 +77,12 @@ def sentence(told: Sequence[Joined]) -> str:
     alike = [t for t in told if (t.readings, t.commands) == (first.readings, first.commands)]
     how = "held until the next" if first.held else "interpolated"
     ages = 1e3 * np.array([t.age for t in alike])
-    said = f"{first.commands} is joined with {first.readings} by time{runs}: its values are {how}"
+    said = f"{first.commands} is joined with {first.readings} by time{runs}: each of its values is {how}"
     said += f", {np.median(ages):.2g} ms old at a reading" if first.held else ""
     delays = 1e3 * np.array([t.delay for t in alike if t.delay is not None])
     if len(delays):
         spread = f" ({delays.min():.0f} to {delays.max():.0f} ms)" if len(delays) > 1 else ""
-        said += f"; the readings follow {np.median(delays):.0f} ms after a command{spread}"
+        said += f"; readings lag commands by {np.median(delays):.0f} ms{spread}"
     return said
 
 

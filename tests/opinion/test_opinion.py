@@ -24,7 +24,7 @@ def test_a_number_that_took_up_dry_friction_is_told(absorbed: Opinion) -> None:
     assert c.value == pytest.approx(3.0, rel=0.03) and c.fitted == 4.4
     assert absorbed.unmatched == ("delay",)
     said = " ".join(absorbed.sentences())
-    assert "c absorbed what is missing: 4.4 as fitted" in said and "Missing in the simulator" in said
+    assert "c absorbed the missing physics: 4.4 as fitted" in said and "Missing in the simulator" in said
 
 
 def test_a_clean_fit_is_not_accused() -> None:

@@ -24,7 +24,7 @@ def test_the_command_line_asks_for_an_opinion_and_checks_another_rig(
     words = ["diagnose", "log.csv", "--sim", "rail.toml", "--after", "fit.json", "--effects", ",".join(LIBRARY)]
     assert main([*words, "--out", "opinion", "--quiet"]) == 0
     said = " ".join(capsys.readouterr().out.split())
-    assert "c absorbed what is missing: 4.4 as fitted" in said and "wrote opinion/passport.toml" in said
+    assert "c absorbed the missing physics: 4.4 as fitted" in said and "wrote opinion/passport.toml" in said
     words = ["passport", "opinion/passport.toml", "other.csv", "--sim", "opinion/corrected.toml", "--out", "second"]
     assert main([*words, "--quiet"]) == 0
     assert "agrees" in capsys.readouterr().out

@@ -53,7 +53,9 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "compare", "all estimators of one equation in one table", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(
+        subparsers, "compare", "compare all estimators of one equation in one table", _DESCRIPTION, _EXAMPLES
+    )
     add_log_options(parser)
     parser.add_argument(
         "--equation",

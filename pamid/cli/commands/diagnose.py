@@ -79,7 +79,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "where simulator and log disagree, the cause, and how far the gap closes"
+    summary = "find where simulator and log disagree, the cause, and how far the gap closes"
     parser = add_command(subparsers, "diagnose", summary, _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(

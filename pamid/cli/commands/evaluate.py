@@ -49,7 +49,9 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "evaluate", "errors of a simulator or a model on a log", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(
+        subparsers, "evaluate", "compute the errors of a simulator or a model on a log", _DESCRIPTION, _EXAMPLES
+    )
     add_log_options(parser)
     parser.add_argument("--sim", metavar="SIM.toml", help="simulator file; needed unless --model reads a log with eps")
     parser.add_argument("--model", metavar="MODEL", help="model file of 'pamid fit' to evaluate on the log")

@@ -27,7 +27,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    parser = add_command(subparsers, "export", "a saved model as C, ONNX or an FMU", _DESCRIPTION, _EXAMPLES)
+    parser = add_command(subparsers, "export", "write a saved model as C, ONNX or an FMU", _DESCRIPTION, _EXAMPLES)
     parser.add_argument("model", metavar="MODEL", help="model file of 'pamid fit'")
     parser.add_argument("--to", choices=("c", "onnx", "fmu"), default="c", help="what to write (default: c)")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to; created if missing")

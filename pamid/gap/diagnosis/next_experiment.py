@@ -71,7 +71,7 @@ def next_experiment(
     chosen = next(c for (c, make) in CHOICES if make().name == trial.trajectories[best])
     reason = (
         f"{names[0]} and {names[1]}, each refitted, would differ in log-likelihood by about {expected[best]:.0f} "
-        f"over {SAMPLES / 1000:g} s of it"
+        f"over a run of {SAMPLES / 1000:g} s"
     )
     return NextExperiment(dict(chosen), names, float(expected[best]), reason), names
 
