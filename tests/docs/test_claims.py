@@ -41,9 +41,9 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the effects beside it"
     yield statistics, f"jackknife over {WORDS[STRETCHES]} stretches of equal information"
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
-    yield statistics, f"no more than one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
-    yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days only the named causes are compared."
-    yield "docs/diagnosis.md", f"a measured quantity that differs by a factor of {FACTOR:g}."
+    yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
+    yield "docs/diagnosis.md", f"Beyond {WORDS[MOST_DAYS]} days this is tested for named causes only."
+    yield "docs/diagnosis.md", f"if measured over modelled values differ between them by a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
         f"explain the other to {100 * ALIKE:g} %, or to {WORDS[round(SEEN)]} standard deviations of the noise",
@@ -104,8 +104,8 @@ def files() -> Iterator[tuple[str, str]]:
     yield "docs/simulators.md", "code (`.pt`, `.pkl`) are refused"
     yield "docs/logs.md", f"anything beyond {readings.BEYOND:.0e}".replace("e+", "e")
     yield "docs/logs.md", f"jump {readings._OF_JUMPS:g} times as far as others do"
-    yield "docs/logs.md", f"if glitches exceed {100 * readings._MOST_GLITCHES:g} % of the rows"
-    yield "docs/logs.md", f"up to {WORDS[evaluate._WORST]} windows with most of an equation's error"
+    yield "docs/logs.md", f"or glitches exceed {100 * readings._MOST_GLITCHES:g} % of rows"
+    yield "docs/logs.md", f"most of an equation's error in up to {WORDS[evaluate._WORST]} windows"
     sys.path.append(str(ROOT / "tests" / "signals"))
     from raw_logs import RAW_LOGS
 
@@ -158,6 +158,6 @@ def test_no_pickle_is_read_or_written() -> None:
 
 def test_a_claim_that_no_longer_holds_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pamid.gap.several.variants.MOST_DAYS", 7)
-    assert ("docs/diagnosis.md", "With more than seven days only the named causes are compared.") in list(diagnosis())
+    assert ("docs/diagnosis.md", "Beyond seven days this is tested for named causes only.") in list(diagnosis())
     with pytest.raises(AssertionError, match="seven days"):
         test_pages_say_what_the_code_does(diagnosis)

@@ -153,7 +153,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     yield "docs/choosing.md", f"`ForwardModel(direction)` is best or second ({min(runs):.1f} to {max(runs):.1f} kPa)"
     arms = re.findall(r"^\| ([^|]*) \| \**([\d.]+)", (ROOT / "docs/published.md").read_text(encoding="utf-8"), re.M)
     arm = {simulator: error for simulator, error in arms}
-    ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit, another arm"]
+    ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit to another arm"]
     yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | a vendor's fit {vendor} mrad |"
     yield "docs/published.md", f"the best other fit: {ours} mrad and"
     aim = "of those named without reserve"
