@@ -15,6 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if not (ROOT / "docs").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 WORDS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+PARTS = {2: "half", 3: "third", 4: "quarter"}
 
 
 def page(name: str) -> str:
@@ -89,7 +90,7 @@ def files() -> Iterator[tuple[str, str]]:
     security = "docs/security.md"
     yield (
         security,
-        f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB, {WORDS[_model_archive.COPIES]} times",
+        f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB; the file may unpack to a {PARTS[_model_archive.COPIES]} |",
     )
     yield security, f"| schema | {_model_archive.MAX_JSON_BYTES[_model_archive.SCHEMA] / 2**20:g} MiB |"
     yield security, f"| entries | {_model_archive.MAX_ENTRIES:,} |"
@@ -97,7 +98,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield security, f"| features, terms | {_model_fit.MOST_FEATURES:,} |"
     yield security, f"| `n_jobs` in a file | {_model_checks.MOST_JOBS} |"
     limits = f"{mujoco_loading.SECONDS} s, {mujoco_loading.MEMORY / 2**30:g} GiB"
-    yield security, f"compiled in their own process ({limits})"
+    yield security, f"compiled in a separate process ({limits})"
     yield security, f"own process: {fmu_model.SECONDS:g} s a run, {fmu_model.BYTES / 2**30:g} GiB"
     refused = re.findall(r'"(\.\w+)"', inspect.getsource(fits))
     assert {".pt", ".pkl"} <= set(refused)
