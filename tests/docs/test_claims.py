@@ -90,7 +90,8 @@ def files() -> Iterator[tuple[str, str]]:
     security = "docs/security.md"
     yield (
         security,
-        f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB; the file may unpack to a {PARTS[_model_archive.COPIES]} |",
+        f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB; "
+        f"the file may unpack to a {PARTS[_model_archive.COPIES]} |",
     )
     yield security, f"| schema | {_model_archive.MAX_JSON_BYTES[_model_archive.SCHEMA] / 2**20:g} MiB |"
     yield security, f"| entries | {_model_archive.MAX_ENTRIES:,} |"
