@@ -48,6 +48,8 @@ PAPER = {
     "C": {"target": (1.96, 2.50, 4.68, 2.29, 1.65), "tri": (1.44, 1.50, 3.59, 1.44, 2.21)}
     | {"step": (2.47, 2.55, 3.46, 2.50, 2.61)},
 }
+PAPER_SECONDS = {"B": (195_804, 469, 472, 501, 471), "C": (194_437, 470, 490, 479, 463)}
+PAPER_PARAMETERS = (17_281, 17_281, 640, 1_288, 17_282)
 """Table 2: errors, by muscle and set, of the methods of `COLUMN`."""
 WINDOWS = {"target": ("sine-4-20", 0.0, 3.2), "tri": ("triangle-4-20", 0.0, 3.2), "step": ("step-0-20", 0.9, 1.7)}
 """By set, the run whose prediction is kept, and its time from and to, s."""
@@ -170,20 +172,25 @@ def compare(files: list[dict[str, Any]]) -> None:
         if not all(rows.values()):
             continue
         theirs = {"samples": PAPER[muscle]["target"], **PAPER[muscle]}
-        print(f"\n| {muscle} | {' | '.join(theirs)} | CPU s | parameters |\n|{' --- |' * (len(theirs) + 3)}")
+        columns = {name: [[r["errors"][name] for r in rows[m]] for m in COLUMN] for name in theirs}
+        columns |= {key: [[r[key] for r in rows[m]] for m in COLUMN] for key in ("seconds", "parameters")}
+        theirs |= {"seconds": PAPER_SECONDS[muscle], "parameters": PAPER_PARAMETERS}
+        print(f"\n| {muscle} | {' | '.join(theirs)} |\n|{' --- |' * (len(theirs) + 1)}")
         for i, method in enumerate(COLUMN):
-            cells = []
-            for name, printed in theirs.items():
-                each = [r["errors"][name] for r in rows[method]]
-                range_ = f" {min(each):.2f}–{max(each):.2f}" if len(each) > 1 else ""
-                cells.append(f"{np.median(each):.2f}{range_} ({printed[i]:.2f})")
-            cells += [f"{np.median([r['seconds'] for r in rows[method]]):.0f}", f"{rows[method][0]['parameters']}"]
+            cells = [
+                cell(found[i], theirs[name][i], name in PAPER["B"] or name == "samples")
+                for name, found in columns.items()
+            ]
             print(f"| {method} | {' | '.join(cells)} |")
-        ranks = []
-        for name, printed in theirs.items():
-            ours = [np.median([r["errors"][name] for r in rows[m]]) for m in COLUMN]
-            ranks.append(f"{spearmanr(ours, printed).statistic:.2f}")
-        print(f"| rank correlation | {' | '.join(ranks)} | | |", flush=True)
+        ranks = [spearmanr([np.median(v) for v in found], theirs[name]).statistic for name, found in columns.items()]
+        print(f"| rank correlation | {' | '.join(f'{r:.2f}' for r in ranks)} |", flush=True)
+
+
+def cell(each: list[float], printed: float, error: bool) -> str:
+    """Median over seeds, their range, and in brackets the paper's value."""
+    digits = 2 if error else 0
+    spread = f" {min(each):.{digits}f}–{max(each):.{digits}f}" if min(each) < max(each) else ""
+    return f"{np.median(each):.{digits}f}{spread} ({printed:.{digits}f})"
 
 
 def main() -> None:
