@@ -5,7 +5,8 @@ Runs at 1 kHz, every tenth row from scratch, every thousandth to adapt, four fif
 public notebooks (github.com/GenmengWANG/FastAdaptationOfPIHTM) and their paper. ``--data paper_like`` takes the data
 set that is like theirs, ``--data twin`` the study's twenty sines in equal runs. The authors' log of Q on B follows up
 to four runs of a thousand epochs (inferred from the counters of its cells): ``--before`` epochs precede ours.
-``--table`` fits FFT, PFT and LoRA as well, and C.
+``--table`` fits FFT, PFT and LoRA as well, and C. ``--out`` is written after each part; ``--merge`` prints the medians
+of several seeds' files and draws them into ``--folder`` (`_as_run_plots.py`).
 """
 
 from __future__ import annotations
@@ -15,12 +16,14 @@ import json
 import math
 import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import torch
+from _as_run_plots import pictures
 from adaptation import COLUMNS, sizes
 from adaptation_published import METHODS, adaptation
 from pamid.estimators import RateTransformer, ThermodynamicPIHM
@@ -45,7 +48,14 @@ PAPER = {
     "C": {"target": (1.96, 2.50, 4.68, 2.29, 1.65), "tri": (1.44, 1.50, 3.59, 1.44, 2.21)}
     | {"step": (2.47, 2.55, 3.46, 2.50, 2.61)},
 }
+PAPER_SECONDS = {"B": (195_804, 469, 472, 501, 471), "C": (194_437, 470, 490, 479, 463)}
+PAPER_PARAMETERS = (17_281, 17_281, 640, 1_288, 17_282)
 """Table 2: errors, by muscle and set, of the methods of `COLUMN`."""
+WINDOWS = {"target": ("sine-4-20", 0.0, 3.2), "tri": ("triangle-4-20", 0.0, 3.2), "step": ("step-0-20", 0.9, 1.7)}
+"""By set, the run whose prediction is kept, and its time from and to, s."""
+SHOWN = 160
+"""Samples of a kept prediction."""
+Sets = dict[str, pd.DataFrame]
 
 
 def paper_like(kind: str, muscle: str, seed: int) -> pd.DataFrame:
@@ -78,25 +88,53 @@ def split(table: pd.DataFrame, stride: int, seed: int) -> tuple[pd.DataFrame, pd
     return rows.iloc[order[:first]], rows.iloc[order[first:]]
 
 
-def left(model: Any, rows: pd.DataFrame) -> float:
+def predicted(model: Any, rows: pd.DataFrame) -> np.ndarray:
+    """Return the flow, NL/min."""
     columns = COLUMNS[1:] if isinstance(model, ThermodynamicPIHM) else COLUMNS
-    return float(np.mean(((model.predict(rows[columns]) - rows["mdot"]) / NORMAL_LITRE) ** 2))
+    return np.asarray(model.predict(rows[columns]) / NORMAL_LITRE)
+
+
+def left(model: Any, rows: pd.DataFrame) -> float:
+    return float(np.mean((predicted(model, rows) - rows["mdot"] / NORMAL_LITRE) ** 2))
+
+
+def judged(model: Any, sets: Sets, loss: float) -> dict[str, Any]:
+    """Return root mean square errors by set, NL/min, and a stretch of a run of each.
+
+    The error of the samples that trained is the root of their loss.
+    """
+    found = {name: math.sqrt(left(model, rows.iloc[::10])) for name, rows in sets.items()}
+    kept = {}
+    for name, (run, start, stop) in WINDOWS.items():
+        rows = sets[name]
+        rows = rows[rows["trajectory"].str.startswith(run) & rows["time"].between(start, stop)]
+        rows = rows.iloc[:: -(-len(rows) // SHOWN)]
+        columns = {"time": rows["time"], "measured": rows["mdot"] / NORMAL_LITRE, "predicted": predicted(model, rows)}
+        kept[name] = {"run": run} | {k: np.round(np.asarray(v), 4).tolist() for k, v in columns.items()}
+    return {"errors": {"samples": math.sqrt(loss)} | found, "predictions": kept}
+
+
+def timed(fit: Callable[[], Any]) -> tuple[Any, dict[str, Any]]:
+    """Call, and return what was fitted with its seconds, curve and number of trained parameters."""
+    wall, begin = time.perf_counter(), time.process_time()
+    model = fit()
+    row = {"seconds": time.process_time() - begin, "wall": time.perf_counter() - wall}
+    return model, row | {"parameters": int(model.n_parameters_), "curve": [float(v) for v in model.loss_curve_]}
 
 
 def scratch(muscle: str, table: pd.DataFrame, seed: int, epochs: int) -> tuple[ThermodynamicPIHM, dict[str, Any]]:
     train, test = split(table, 10, seed)
     options = {"volume_model": "neural", "trainer": "adam_as_run", "dtype": "float32", "validation_fraction": 0.0}
-    begin = time.process_time()
-    model = ThermodynamicPIHM(**sizes(muscle), **options, gas_constant=263.8, max_iter=epochs, random_state=seed)
-    model.fit(train[COLUMNS[1:]], train["mdot"])
+    empty = ThermodynamicPIHM(**sizes(muscle), **options, gas_constant=263.8, max_iter=epochs, random_state=seed)
+    model, row = timed(lambda: empty.fit(train[COLUMNS[1:]], train["mdot"]))
     flow = table["mdot"] / NORMAL_LITRE
-    row = {"rows": len(train), "spread": float(flow.std()), "kurtosis": float(kurtosis(flow, fisher=False))}
-    row |= {"curve": [float(v) for v in model.loss_curve_], "test": left(model, test)}
-    return model, row | {"seconds": time.process_time() - begin}
+    row |= {"rows": len(train), "spread": float(flow.std()), "kurtosis": float(kurtosis(flow, fisher=False))}
+    return model, row | {"test": left(model, test)}
 
 
 def shown(name: str, row: dict[str, Any]) -> None:
-    print(f"\n{name}: {row['rows']} rows, {row['seconds']:.0f} s, test loss {row['test']:.4g}")
+    print(f"\n{name}: {row['rows']} rows, {row['parameters']} parameters, {row['seconds']:.0f} s, ", end="")
+    print(f"test loss {row['test']:.4g}")
     if "spread" in row:
         print(f"flow: spread {row['spread']:.2f} NL/min, kurtosis {row['kurtosis']:.1f}")
     theirs = AUTHORS.get(name, {})
@@ -114,28 +152,45 @@ def adapted(
 ) -> tuple[Any, dict[str, Any]]:
     """Adapt to every thousandth row; the loss is that of the rows that train."""
     train, test = split(table, 1000, seed)
-    begin = time.process_time()
-    model = adaptation(method, source, muscle, seed, epochs, trainer="adam_as_run").fit(train[COLUMNS], train["mdot"])
-    row = {"rows": len(train), "curve": [float(v) for v in model.loss_curve_], "test": left(model, test)}
-    return model, row | {"seconds": time.process_time() - begin}
+    empty = adaptation(method, source, muscle, seed, epochs, trainer="adam_as_run")
+    model, row = timed(lambda: empty.fit(train[COLUMNS], train["mdot"]))
+    return model, row | {"rows": len(train), "test": left(model, test)}
 
 
-def errors(model: Any, sets: dict[str, pd.DataFrame], loss: float) -> dict[str, float]:
-    """Return root mean square errors by set, NL/min; that of the samples that trained is the root of their loss."""
-    return {"samples": math.sqrt(loss)} | {name: math.sqrt(left(model, rows)) for name, rows in sets.items()}
+def kept_name(method: str, muscle: str) -> str:
+    return f"{muscle} from scratch" if method == "scratch" else f"{method} to {muscle}"
 
 
-def compare(table: dict[str, dict[str, dict[str, float]]]) -> None:
-    """Print errors beside those of Table 2, with their rank correlation.
+def compare(files: list[dict[str, Any]]) -> None:
+    """Print Table 2, medians over seeds: errors beside those of the paper in brackets, and their rank correlations.
 
     The paper's target task is compared twice: Q's 1.14 on B is the root of the authors' loss on the 315 samples.
     """
-    for muscle, found in table.items():
-        for name, theirs in [("samples", PAPER[muscle]["target"]), *PAPER[muscle].items()]:
-            if set(found) == set(COLUMN):
-                ours = [found[method][name] for method in COLUMN]
-                cells = ", ".join(f"{m} {a:.2f} ({b:.2f})" for m, a, b in zip(COLUMN, ours, theirs, strict=True))
-                print(f"{muscle} {name:7s} {cells}; rank correlation {spearmanr(ours, theirs).statistic:.2f}")
+    for muscle in PAPER:
+        rows = {m: [f[kept_name(m, muscle)] for f in files if kept_name(m, muscle) in f] for m in COLUMN}
+        rows = {m: [r for r in found if "errors" in r] for m, found in rows.items()}
+        if not all(rows.values()):
+            continue
+        theirs = {"samples": PAPER[muscle]["target"], **PAPER[muscle]}
+        columns = {name: [[r["errors"][name] for r in rows[m]] for m in COLUMN] for name in theirs}
+        columns |= {key: [[r[key] for r in rows[m]] for m in COLUMN] for key in ("seconds", "parameters")}
+        theirs |= {"seconds": PAPER_SECONDS[muscle], "parameters": PAPER_PARAMETERS}
+        print(f"\n| {muscle} | {' | '.join(theirs)} |\n|{' --- |' * (len(theirs) + 1)}")
+        for i, method in enumerate(COLUMN):
+            cells = [
+                cell(found[i], theirs[name][i], name in PAPER["B"] or name == "samples")
+                for name, found in columns.items()
+            ]
+            print(f"| {method} | {' | '.join(cells)} |")
+        ranks = [spearmanr([np.median(v) for v in found], theirs[name]).statistic for name, found in columns.items()]
+        print(f"| rank correlation | {' | '.join(f'{r:.2f}' for r in ranks)} |", flush=True)
+
+
+def cell(each: list[float], printed: float, error: bool) -> str:
+    """Median over seeds, their range, and in brackets the paper's value."""
+    digits = 2 if error else 0
+    spread = f" {min(each):.{digits}f}–{max(each):.{digits}f}" if min(each) < max(each) else ""
+    return f"{np.median(each):.{digits}f}{spread} ({printed:.{digits}f})"
 
 
 def main() -> None:
@@ -147,11 +202,23 @@ def main() -> None:
     parser.add_argument("--before", type=int, default=4000, help="epochs of Q before them (default: 4000)")
     parser.add_argument("--table", type=int, metavar="EPOCHS", default=0, help="also Table 2, adapting so many epochs")
     parser.add_argument("--seed", type=int, default=66, help="seed of noise, weights and rows (default: 66)")
-    parser.add_argument("--out", type=Path, help="where to keep the curves, .json")
-    parser.add_argument("--plot", type=Path, help="where to draw them")
+    parser.add_argument("--out", type=Path, help="where to keep curves, errors and predictions, .json")
+    parser.add_argument("--merge", type=Path, nargs="+", metavar="FILE", help="print and draw what earlier runs kept")
+    parser.add_argument("--folder", type=Path, help="where the pictures go")
     args = parser.parse_args()
     torch.set_num_threads(1)
     warnings.simplefilter("ignore")
+    files = [json.loads(file.read_text(encoding="utf-8")) for file in args.merge or ()]
+    if files:
+        compare(files)
+    else:
+        files = [measured(args)]
+    if args.folder:
+        pictures(files, AUTHORS, args.folder, shares=args.data == "twin")
+
+
+def measured(args: argparse.Namespace) -> dict[str, Any]:
+    """Train and adapt; what is found is kept after each part."""
     found: dict[str, Any] = {}
 
     def keep(name: str, row: dict[str, Any]) -> None:
@@ -160,63 +227,33 @@ def main() -> None:
         if args.out:
             args.out.write_text(json.dumps(found), encoding="utf-8")
 
-    def runs(muscle: str) -> pd.DataFrame:
-        return twin(muscle, args.seed) if args.data == "twin" else paper_like("", muscle, args.seed)
+    def runs(muscle: str) -> Sets:
+        if args.data == "twin":
+            return {"target": twin(muscle, args.seed)}
+        kinds = {"target": ""} | ({"tri": "_tri", "step": "_step"} if args.table and muscle != "A" else {})
+        return {name: paper_like(kind, muscle, args.seed) for name, kind in kinds.items()}
 
-    target = runs("B")
-    model, row = scratch("B", target, args.seed, args.scratch)
-    keep("B from scratch", row)
-    if args.source:
-        source, row = scratch("A", runs("A"), args.seed, args.source)
-        source = FrozenEstimator(source)
-        keep("A from scratch", row)
-        _, row = adapted("Q", source, "B", target, args.seed, args.before + args.epochs)
-        row["curve"] = row["curve"][args.before :]
-        keep("Q on B", row)
-    if args.plot:
-        draw(found, args.plot, shares=args.data == "twin")
-    table: dict[str, dict[str, dict[str, float]]] = {}
-    for muscle in "BC" if args.table and args.source else "":
-        target = target if muscle == "B" else runs(muscle)
-        sets = {"target": target.iloc[::10]}
-        sets |= {kind: paper_like(f"_{kind}", muscle, args.seed).iloc[::10] for kind in ("tri", "step")}
-        table[muscle] = {}
-        for method in METHODS:
-            fitted, row = adapted(method, source, muscle, target, args.seed, args.table)
-            table[muscle][method] = row["errors"] = errors(fitted, sets, row["curve"][-1])
-            keep(f"{method} to {muscle}", row)
+    def from_scratch(muscle: str, sets: Sets, epochs: int) -> Any:
+        model, row = scratch(muscle, sets["target"], args.seed, epochs)
+        keep(f"{muscle} from scratch", row | (judged(model, sets, row["curve"][-1]) if len(sets) == 3 else {}))
+        return model
+
+    sets = runs("B")
+    from_scratch("B", sets, args.scratch)
+    if not args.source:
+        return found
+    source = FrozenEstimator(from_scratch("A", runs("A"), args.source))
+    _, row = adapted("Q", source, "B", sets["target"], args.seed, args.before + args.epochs)
+    keep("Q on B", row | {"curve": row["curve"][args.before :]})
+    for muscle in PAPER if args.table else ():
         if muscle == "C":
-            model, row = scratch(muscle, target, args.seed, args.scratch)
-            keep("C from scratch", row)
-        table[muscle]["scratch"] = errors(model, sets, found[f"{muscle} from scratch"]["curve"][-1])
-        compare({muscle: table[muscle]})
-        found["table"] = table
-        if args.out:
-            args.out.write_text(json.dumps(found), encoding="utf-8")
-
-
-def draw(found: dict[str, Any], path: Path, shares: bool) -> None:
-    """Draw ours and theirs, on the twin as shares of the first loss."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    names = [name for name in AUTHORS if name in found]
-    figure, axes = plt.subplots(1, len(names), figsize=(5 * len(names), 3.5), squeeze=False)
-    for ax, name in zip(axes[0], names, strict=True):
-        curve, theirs = np.array(found[name]["curve"]), AUTHORS[name]
-        unit = (curve[0], theirs[1]) if shares else (1.0, 1.0)
-        ax.plot(np.arange(1, len(curve) + 1), curve / unit[0], label="ours, as run")
-        ax.plot(list(theirs), np.array(list(theirs.values())) / unit[1], "o--", label="authors' notebook")
-        ax.set(title=name, xlabel="epoch", ylabel="training loss" + (" / first" if shares else " / (NL/min)²"))
-        if name == "Q on B":
-            ax.set_ylim(bottom=0.0)
-        else:
-            ax.set(xscale="log", yscale="log")
-        ax.legend()
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
+            sets = runs(muscle)
+            from_scratch(muscle, sets, args.scratch)
+        for method in METHODS:
+            model, row = adapted(method, source, muscle, sets["target"], args.seed, args.table)
+            keep(kept_name(method, muscle), row | judged(model, sets, row["curve"][-1]))
+        compare([found])
+    return found
 
 
 if __name__ == "__main__":

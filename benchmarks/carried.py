@@ -1,10 +1,10 @@
 """Named effects and scaled geometry carried between measured Festo muscles, against the best fresh fit of the samples.
 
-The source is a muscle of 10 mm bore and 30 cm; targets are two of the same bore and one of 20 mm. A draw takes one
-row at random of each of n equal stretches of the rows with F > 5 N of all repeats but the last; the last repeat of each
-contraction is scored, rows with F > 5 N. The fresh fits are those of ``adaptation.py``, and with ``--own`` the same
-model without a source, which reads the pressure's past as the carried one does. ``--festo`` names
-the folder of the data.
+The source is a muscle of 10 mm bore and 30 cm; targets are two of the same bore and one of 20 mm. ``--sources`` names
+others, or ``all``, and prints ratios to the best fresh fit, sources by targets. A draw takes one row at random of each
+of n equal stretches of the rows with F > 5 N of all repeats but the last; the last repeat of each contraction is
+scored, rows with F > 5 N. The fresh fits are those of ``adaptation.py``, and with ``--own`` the same model without a
+source, which reads the pressure's past as the carried one does. ``--festo`` names the folder of the data.
 """
 
 from __future__ import annotations
@@ -66,8 +66,10 @@ def rmse(predicted: np.ndarray, test: pd.DataFrame) -> float:
     return float(np.sqrt(np.mean((predicted - test["F"].to_numpy()) ** 2)))
 
 
-def draw(name: str, log: pd.DataFrame, count: int, seed: int, source: Any, own: bool = True) -> dict[str, Any]:
-    """Errors of one draw, N; the same model without a source if asked."""
+def draw(
+    name: str, log: pd.DataFrame, count: int, seed: int, source: Any, own: bool, known: dict[Any, Any]
+) -> dict[str, Any]:
+    """Errors of one draw, N; the same model without a source if asked. What knows no source is kept in `known`."""
     above, last = (log["F"] > 5.0).to_numpy(), log["last"].to_numpy()
     few = drawn(np.flatnonzero(above & ~last), count, seed)
     whole = log[last]
@@ -76,11 +78,13 @@ def draw(name: str, log: pd.DataFrame, count: int, seed: int, source: Any, own: 
     model = fitted(name, log, few, source)
     row = {"muscle": name, "count": count, "seed": seed, "carried": rmse(model.predict(whole[READ])[scored], test)}
     row["kept"] = model.source_kept_
-    if own:
-        row[OWN] = rmse(fitted(name, log, few).predict(whole[READ])[scored], test)
-    for kind, (fit, columns) in fresh().items():
-        row[kind] = rmse(fit.fit(log.iloc[few][columns], log.iloc[few]["F"]).predict(test[columns]), test)
-    return row
+    errors = known.setdefault((name, count, seed), {})
+    if not errors:
+        if own:
+            errors[OWN] = rmse(fitted(name, log, few).predict(whole[READ])[scored], test)
+        for kind, (fit, columns) in fresh().items():
+            errors[kind] = rmse(fit.fit(log.iloc[few][columns], log.iloc[few]["F"]).predict(test[columns]), test)
+    return row | errors
 
 
 def shown(d: pd.DataFrame) -> None:
@@ -101,13 +105,28 @@ def shown(d: pd.DataFrame) -> None:
         print(line, flush=True)
 
 
+def crossed(d: pd.DataFrame) -> None:
+    """Print ratios of medians and worst ratios of a draw, sources by targets."""
+    kinds = list(fresh())
+    for count, rows in d.groupby("count"):
+        print(f"\n| {count} samples, source \\ target | {' | '.join(MUSCLES)} |\n|{' --- |' * (1 + len(MUSCLES))}")
+        for source, own in rows.groupby("source", sort=False):
+            cells = []
+            for name in MUSCLES:
+                g = own[own["muscle"] == name]
+                best = min(kinds, key=lambda kind, g=g: g[kind].median()) if len(g) else ""
+                each = g["carried"] / g[best] if len(g) else g.get("carried")
+                cells.append(f"{g['carried'].median() / g[best].median():.2f} / {each.max():.2f}" if len(g) else "")
+            print(f"| {source} | {' | '.join(cells)} |", flush=True)
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--festo", type=Path, help="folder of measured Festo logs")
     parser.add_argument("--counts", type=int, nargs="+", default=[25, 100, 400], help="samples")
     parser.add_argument("--seeds", type=int, default=10, help="draws (default: 10)")
     parser.add_argument("--first-seed", type=int, default=0, help="where the seeds start (default: 0)")
-    parser.add_argument("--source", choices=MUSCLES, default="10mm_30cm", help="source muscle")
+    parser.add_argument("--sources", nargs="+", choices=[*MUSCLES, "all"], default=["10mm_30cm"], help="source muscles")
     parser.add_argument("--muscles", nargs="+", choices=MUSCLES, help="targets (default: all others)")
     parser.add_argument("--own", action="store_true", help="the same model without a source as well")
     parser.add_argument("--out", type=Path, help="where to keep all draws, .csv")
@@ -116,20 +135,25 @@ def main() -> int:
         print("skipped: --festo DIR names the folder with the Festo logs, which are not part of this package")
         return 0
     warnings.simplefilter("ignore")
-    names = [args.source, *(args.muscles or [n for n in MUSCLES if n != args.source])]
-    logs = {n: table(sorted(args.festo.rglob(f"{n}_*.mat")), 2.0).reset_index(drop=True) for n in names}
-    log = logs[args.source]
-    source = fitted(args.source, log, np.flatnonzero((log["F"] > 5.0) & ~log["last"]))
-    print({k: f"{v:.4g} {source.units_[k]}" for k, v in source.parameters_.items()})
-    print({k: round(v, 3) for k, v in source.memory_.items()})
-    found = []
-    for name in names[1:]:
-        for count in args.counts:
-            seeds = range(args.first_seed, args.first_seed + args.seeds)
-            found += [draw(name, logs[name], count, seed, FrozenEstimator(source), args.own) for seed in seeds]
-            shown(pd.DataFrame([r for r in found if r["muscle"] == name and r["count"] == count]))
-    if args.out:
-        pd.DataFrame(found).to_csv(args.out, index=False)
+    sources = list(MUSCLES) if "all" in args.sources else args.sources
+    logs = {n: table(sorted(args.festo.rglob(f"{n}_*.mat")), 2.0).reset_index(drop=True) for n in MUSCLES}
+    found: list[dict[str, Any]] = []
+    known: dict[Any, Any] = {}
+    for name in sources:
+        log = logs[name]
+        source = fitted(name, log, np.flatnonzero((log["F"] > 5.0) & ~log["last"]))
+        print(f"\nsource {name}", {k: f"{v:.4g} {source.units_[k]}" for k, v in source.parameters_.items()})
+        print({k: round(v, 3) for k, v in source.memory_.items()})
+        for target in args.muscles or MUSCLES:
+            for count in args.counts if target != name else ():
+                seeds = range(args.first_seed, args.first_seed + args.seeds)
+                draws = [draw(target, logs[target], count, s, FrozenEstimator(source), args.own, known) for s in seeds]
+                found += [{"source": name} | row for row in draws]
+                shown(pd.DataFrame(draws))
+                if args.out:
+                    pd.DataFrame(found).to_csv(args.out, index=False)
+    if len(sources) > 1:
+        crossed(pd.DataFrame(found))
     return 0
 
 

@@ -95,7 +95,9 @@ class CarriedForce(Streaming, SignalRegressor):
     Notes
     -----
     A sample taken while the pressure jumps counts for less. Widths of the priors were set with the measured muscles of
-    `benchmarks/carried.py` in sight.
+    `benchmarks/carried.py` in sight; where the bore is another, the evidence gives a factor on those of the gain, the
+    contraction, the threshold and the preload. Times and widths of the memories do not depend on the muscle's size:
+    on these muscles that is best.
 
     Examples
     --------

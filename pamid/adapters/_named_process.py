@@ -6,9 +6,9 @@ r"""A law with named parameters and memories of the pressure, and a Gaussian pro
     - \frac12 (\Delta p^*/\ell_p)^2} + b^2\,[\text{same run}] + \sigma^2 (1 + |\dot p|)^2\big)
 
 with memories :math:`p_k` of the gauge pressure p. The named parameters θ and w have normal priors; those of a target
-are centred where the source has them. They are found by Gauss–Newton steps in which the remainder is integrated out,
-its amplitudes by the greatest evidence. Forces are in units of the bore's area times `BAR`, pressures in units of
-`BAR`, so that muscles of all sizes share priors.
+are centred where the source has them. They are found by Gauss–Newton steps in which the remainder is integrated out.
+The greatest evidence gives its amplitudes and, where the bore is another, a factor on the widths of θ's prior. Forces
+are in units of the bore's area times `BAR`, pressures in units of `BAR`, so that muscles of all sizes share priors.
 """
 
 from __future__ import annotations
@@ -47,10 +47,13 @@ class Amplitudes:
     length: float = 1.0
     noise: float = 0.4
     recall: float = 1.0
+    named: float = 1.0
+    """Factor on the prior widths of the named parameters of a target of another bore."""
 
 
 LIMITS = {"remainder": (0.25, 4.0), "length": (0.5, 4.0), "noise": (0.01, 100.0), "recall": (0.005, 2.0)}
-OCTAVES = {"remainder": 1.0, "length": 0.5, "noise": 2.0, "recall": 1.0}
+LIMITS |= {"named": (0.25, 4.0)}
+OCTAVES = {"remainder": 1.0, "length": 0.5, "noise": 2.0, "recall": 1.0, "named": 1.0}
 """Standard deviations of the amplitudes' binary logarithms about those that a search starts from."""
 
 
@@ -82,6 +85,9 @@ class BraidLaw:
         """A braid of 25° without a bladder."""
         inner, outer = 1.0 / np.tan(np.radians(25.0)) ** 2, 1.0 / np.sin(np.radians(25.0)) ** 2
         return np.array([3.0 * inner - outer, -6.0 * inner, 3.0 * inner, 0.0, 0.0, 0.0])
+
+    guessed = False
+    """Whether the prior's widths are guessed."""
 
     @property
     def spread(self) -> np.ndarray:
@@ -116,6 +122,11 @@ class CarriedLaw:
     def centre(self) -> np.ndarray:
         """The source scaled by geometry alone."""
         return np.array([0.0, self.stretch - 1.0, 0.0, 0.0, 0.0, 0.0])
+
+    @property
+    def guessed(self) -> bool:
+        """Whether the prior's widths are guessed, as those of another bore are."""
+        return bool(abs(np.log(self.ratio)) > 1e-3)
 
     @property
     def spread(self) -> np.ndarray:
@@ -198,7 +209,8 @@ def fit_process(
         If no amplitudes give a finite evidence.
     """
     few = rows.at(np.unique(np.linspace(0, len(rows.p) - 1, min(HYPER_ROWS, len(rows.p))).round().astype(int)))
-    names = [n for n in OCTAVES if n != "recall" or rows.past.shape[1]]
+    names = [n for n in OCTAVES if n not in ("recall", "named")]
+    names += ["recall"] * bool(rows.past.shape[1]) + ["named"] * law.guessed
     theta = np.concatenate([law.centre, memory])
 
     def cost(a: Amplitudes) -> tuple[float, np.ndarray]:
@@ -269,7 +281,7 @@ class _Steps:
 
 def _steps(law: BraidLaw | CarriedLaw, rows: NamedRows, a: Amplitudes, memory: np.ndarray, theta: np.ndarray) -> _Steps:
     centre = np.concatenate([law.centre, memory])
-    precision = np.concatenate([law.spread, np.full(len(memory), a.recall)]) ** -2.0
+    precision = np.concatenate([a.named * law.spread, np.full(len(memory), a.recall)]) ** -2.0
     n = len(law.names)
 
     def linearised(theta: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -60,6 +60,19 @@ def test_a_few_samples_of_another_bore_do_with_a_source() -> None:
     assert rmse(carried, unseen) < 0.5 * rmse(alone, unseen)
 
 
+def test_another_bore_is_as_unlike_the_source_as_its_samples_say() -> None:
+    """A stiffer bladder, and the evidence widens the prior; of the same bore the prior stays as it is."""
+    widths = []
+    for diameter, stiffness in ((0.02, 0.0), (0.02, 4000.0), (0.01, 1000.0)):
+        table = log(diameter, 0.8, 1)
+        F = (table["F"] - stiffness * table["eps"]).clip(lower=0.0)
+        model = CarriedForce(FrozenEstimator(source()), rest_diameter=diameter)
+        widths.append(model.fit(table[READ], F, sample_weight=weights(table, 20)).process_.amplitudes.named)
+    alike, unlike, same_bore = widths
+    assert alike <= 1.0 < unlike
+    assert same_bore == 1.0
+
+
 def test_the_memory_is_found_and_carried() -> None:
     """The lag is told from runs alone; without it the jumps of the pressure stay in the error."""
     assert sum(source().memory_.values()) == pytest.approx(1.0, abs=0.3)

@@ -215,8 +215,9 @@ LINEAR = {"CylinderForce", "JointDrive", "PolynomialForce", "PolynomialFlow", "S
 FORGETTING = {"OnlineAdapter"}
 """What forgets by time, and promises no fit of all rows."""
 
-EFFECTS = {"hysteresis": 0.03, "friction": 0.002, "drift": None}
-"""What a stream in time order has, by the play of its bristles; a drift is 10 % from its begin to its end."""
+EFFECTS = {"none": np.inf, "hysteresis": 0.03, "friction": 0.002, "drift": None}
+"""What a stream in time order has, by the play of its bristles, that of none never pulls; a drift is 10 % from its
+begin to its end."""
 
 
 def bristle(x: np.ndarray, play: float) -> np.ndarray:
@@ -304,7 +305,7 @@ def test_a_stream_is_worth_a_fit(case, stream, sources):
 
 @pytest.mark.parametrize("case", [c for c in CASES if c not in FORGETTING])
 def test_the_order_of_time_takes_nothing_away(case, sources):
-    """Hysteresis, friction and drift, row after row as they come: the fit of all rows, and no word of a change."""
+    """No effect, hysteresis, friction, drift, row after row as they come: the fit of all rows, no word of a change."""
     model, columns, target = of(case, sources)
     for effect in EFFECTS:
         train, test = in_time(columns, 0, effect), in_time(columns, 1, effect)
