@@ -172,7 +172,7 @@ def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Se
         unit = unit_name(unit, dimension)
         if unit and UNITS[unit].dimension != dimension:
             return _of_another_dimension(guess, header, every)
-    gauge = header.gauge
+    gauge = header.gauge if guess.is_pressure else None  # "rel. time" begins at 0
     if guess.is_pressure and gauge is None:
         gauge = {"P": False, "p": True}.get(header.bare.rstrip("0123456789_"))
     own = dimension_of(header.bare) is not None and header.bare == signal

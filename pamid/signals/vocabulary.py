@@ -1,9 +1,10 @@
-"""Words for the signals of a log, in English and German."""
+"""Words for the signals of a log, in English and German, and for its clock in some more languages."""
 
 from __future__ import annotations
 
 _WORDS = """
 time: t time zeit timestamp zeitstempel clock uhrzeit sec secs seconds elapsed datetime datum date stamp messzeit
+time: temps tiempo tempo tijd czas время 时间 時間 시간
 P: p pressure press pres druck
 F: f force kraft loadcell cell tension zugkraft
 mdot: mdot flow massflow durchfluss massenstrom volumenstrom flowrate durchfluß

@@ -1,4 +1,4 @@
-"""Columns in another unit than their ports: detected by motion, size and the model's response."""
+"""Columns in another unit or of another sign than their ports: detected by motion, size and the model's response."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from .structure import kinematic_pairs
 if TYPE_CHECKING:
     from .port_log import PortLog
 
-_FACTOR = 2.0
-"""Factor between a rate and its speed that no friction, lag or noise explains."""
+_FACTOR = 1.5
+"""Factor between a rate and its speed that no friction, lag or noise explains, nor a gain that the library tests."""
 _GAIN = 5.0
 """The same between an input and its effect: a fault of an actuator is smaller."""
 _ALIKE = 0.95
@@ -33,22 +33,41 @@ def tell_unit_doubts(simulator: Simulator, log: PortLog) -> None:
     if getattr(simulator, "_units_told", False):
         return
     simulator._units_told = True  # type: ignore[attr-defined]
-    try:
-        doubts = list(_doubts(simulator, log))
-    except PamidError:
-        return  # reported where the simulator is actually evaluated
-    if doubts:
+    if doubts := unit_doubts(simulator, log):
         warnings.warn(
-            f"{'; '.join(doubts)}. Give the column's unit in its name, in the mapping or at the port.",
+            f"{'; '.join(doubts)}. Correct the mapping: its column, or a unit or factor of it.",
             UnitWarning,
             stacklevel=2,
         )
+
+
+def unit_doubts(simulator: Simulator, log: PortLog) -> list[str]:
+    """Return a sentence for each column that seems to be in another unit, of the other sign or in another's place."""
+    try:
+        return list(_doubts(simulator, log))
+    except PamidError:
+        return []  # reported where the simulator is actually evaluated
+
+
+def _beyond_range(simulator: Simulator, log: PortLog) -> Iterator[str]:
+    for name, (low, high) in simulator.ranges().items():
+        values = log.channels.get(name)
+        if values is None or not np.isfinite(values).any():
+            continue
+        least, most = float(np.nanmin(values)), float(np.nanmax(values))
+        if least < low - (high - low) or most > high + (high - low):
+            unit = simulator.port(name).unit
+            yield (
+                f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {unit}"
+                f"{_word((most - least) / (high - low)) if unit != 'rad' else ', as degrees would'}"
+            )
 
 
 def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
     for name, values in log.channels.items():
         if simulator.port(name).unit == "Pa" and 0.0 < np.nanmax(np.abs(values)) < _LEAST:
             yield f"{name} looks like bar, kPa or MPa: it is at most {np.nanmax(np.abs(values)):.3g} Pa"
+    yield from _beyond_range(simulator, log)
     if simulator.form != "ode" or not set(simulator.states) <= log.channels.keys():
         return
     x, u = np.array([log.channels[n] for n in simulator.states]).reshape(-1, log.n), log.inputs(simulator)
@@ -58,14 +77,21 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
     rows = np.concatenate([np.arange(a, b) for a, b in log.spans if b - a > 2])
     wrong = set()
     for position, speed in pairs.items():
-        v, rate = x[simulator.states.index(speed)][rows], rates[simulator.states.index(position)]
-        factor, alike = _factor(v, rate)
-        if alike > _ALIKE and not 1 / _FACTOR < abs(factor) < _FACTOR:
-            wrong |= {position, speed}
-            yield (
-                f"{position} or {speed} seems to be in another unit: {position} changes {abs(factor):.4g} times as "
-                f"fast as {speed} says{_word(abs(factor))}"
+        k, of = (simulator.states.index(name) for name in (position, speed))
+        factor, alike = _factor(x[of][rows], rates[k])
+        if alike > _ALIKE and factor < 0.0:
+            said = f"or {speed} seems to have the opposite sign: {position} falls where {speed} is positive"
+        elif alike > _ALIKE and not 1 / _FACTOR < factor < _FACTOR:
+            said = (
+                f"or {speed} seems to be in another unit: {position} changes {factor:.4g} times as fast as {speed} says"
             )
+            said += _word(factor)
+        elif alike < _ALIKE and _is_rate(x[k][rows], rates[of]):
+            said = f"and {speed} seem to be exchanged: {position} is the rate of {speed}"
+        else:
+            continue
+        wrong |= {position, speed}
+        yield f"{position} {said}"
     if wrong:
         return
     p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(rows), axis=1)
@@ -77,11 +103,19 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         does, seen = whole - rest, rates - rest
         i = int(np.argmax(np.std(does, axis=1)))
         factor, alike = _factor(does[i], seen[i])
-        if alike > _ALIKE and factor > 0.0 and not 1 / _GAIN < factor < _GAIN:
+        if alike > _ALIKE and factor < 0.0:
+            yield f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it"
+        elif alike > _ALIKE and not 1 / _GAIN < factor < _GAIN:
             yield (
                 f"{name} seems to be in another unit: {simulator.states[i]} moves as with {factor:.3g} times its values"
                 f"{_word(1.0 / factor)}"
             )
+
+
+def _is_rate(x: np.ndarray, rate: np.ndarray) -> bool:
+    """Return whether a reading is the rate of another."""
+    factor, alike = _factor(x, rate)
+    return alike > _ALIKE and 1 / _FACTOR < factor < _FACTOR
 
 
 def _factor(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:

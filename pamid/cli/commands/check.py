@@ -67,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
         found = survey(log, simulator)
     if ported:
         _leave_out_muscles(found)
+        doubts += _port_doubts(args, log)
     found.warnings[:0] = doubts
     files = _write(args, found, log)
     if args.json:
@@ -90,7 +91,7 @@ def _has_ports(args: argparse.Namespace) -> bool:
 
     if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
         return False
-    note(args, f"{args.sim} is a simulator with ports: the log is looked at by itself")
+    note(args, f"{args.sim} is a simulator with ports: the log is checked by itself, and its columns against the ports")
     return True
 
 
@@ -101,6 +102,22 @@ def _own_names(args: argparse.Namespace) -> list[str]:
     page = Path(args.sim)
     page = page.with_suffix(".toml") if page.suffix.lower() in MODELS else page
     return list(page_signals(page)) if page.is_file() else []
+
+
+def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
+    """Return what contradicts the ports of a simulator that is data: units, signs, places, stops."""
+    from ...errors import PamidError
+    from ...simulators.port_log import port_log
+    from ...simulators.port_units import unit_doubts
+    from .._simulators import runs_code
+
+    if runs_code(args.sim):
+        return []
+    try:
+        simulator: Any = any_simulator_of(args)
+        return [f"{text}." for text in unit_doubts(simulator, port_log(log, simulator))]
+    except PamidError:
+        return []  # what the log lacks is told by 'pamid init' and 'pamid evaluate'
 
 
 def _leave_out_muscles(found: Survey) -> None:

@@ -1,0 +1,74 @@
+"""Columns of the opposite sign, in each other's place, off by a factor or beyond a joint's stops: told before a fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.cli import main
+from pamid.simulators import EquationSimulator, Port, page_text
+from pamid.simulators.port_log import port_log
+from pamid.simulators.port_units import unit_doubts
+
+
+def cart() -> EquationSimulator:
+    ports = [Port("u", "input", "V"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    return EquationSimulator({"dx/dt": "v", "dv/dt": "2*u - 3*v - 4*x"}, ports, {})
+
+
+@pytest.fixture(scope="module")
+def log() -> pd.DataFrame:
+    """Return a cart with dry friction, which its simulator lacks."""
+    rng, t = np.random.default_rng(0), np.arange(0.0, 12.0, 0.01)
+    u, x, v, rows = 3.0 * np.sin(1.7 * t) + 2.0 * np.sin(4.1 * t), 0.0, 0.0, []
+    for now in u:
+        rows.append((x, v))
+        for _ in range(10):
+            v += 1e-3 * (2.0 * now - 3.0 * v - 4.0 * x - 0.3 * np.tanh(v / 0.01))
+            x += 1e-3 * v
+    found = np.array(rows) + [1e-4, 1e-3] * rng.standard_normal((len(t), 2))
+    return pd.DataFrame({"trajectory": "run", "time": t, "u": u, "x": found[:, 0], "v": found[:, 1]})
+
+
+CHANGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
+    "nothing": (lambda d: d, ""),
+    "a gain that the library tests": (lambda d: d.assign(v=1.4 * d["v"]), ""),
+    "input": (lambda d: d.assign(u=-d["u"]), "u seems to have the opposite sign"),
+    "speed": (lambda d: d.assign(v=-d["v"]), "x or v seems to have the opposite sign"),
+    "exchanged": (lambda d: d.rename(columns={"x": "v", "v": "x"}), "x and v seem to be exchanged"),
+    "factor": (lambda d: d.assign(x=1.7 * d["x"]), "x changes 1.7"),
+    "degrees": (lambda d: d.assign(x=57.3 * d["x"]), "as degrees for rad"),
+}
+
+
+@pytest.mark.parametrize("what", CHANGES)
+def test_what_contradicts_the_motion_is_told(log: pd.DataFrame, what: str) -> None:
+    change, said = CHANGES[what]
+    doubts = unit_doubts(cart(), port_log(change(log), cart()))
+    assert (said in "; ".join(doubts)) if said else doubts == []
+
+
+def test_readings_far_beyond_the_stops_of_a_joint_are_told(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    from pamid.simulators import MujocoSimulator
+
+    xml = """<mujoco><compiler angle="radian" autolimits="true"/><worldbody><body>
+    <joint name="hip" axis="0 1 0" range="-2.2 2.2"/><geom size="0.1" pos="0 0 -.2"/></body></worldbody>
+    <actuator><motor name="m" joint="hip"/></actuator></mujoco>"""
+    (tmp_path / "leg.xml").write_text(xml)
+    simulator, t = MujocoSimulator(tmp_path / "leg.xml"), np.arange(0.0, 4.0, 0.01)
+    table = pd.DataFrame({"trajectory": "run", "time": t, "m": 0.0, "hip_q": 0.55 * np.sin(t)})
+    assert unit_doubts(simulator, port_log(table, simulator)) == []
+    (doubt,) = unit_doubts(simulator, port_log(table.assign(hip_q=np.degrees(table["hip_q"])), simulator))
+    assert "to 31.5, but its stops allow -2.2 to 2.2 rad, as degrees would" in doubt
+
+
+def test_check_tells_it(log: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "cart.toml").write_text(page_text(cart(), tmp_path))
+    log.assign(v=-log["v"]).to_csv(tmp_path / "log.csv", index=False)
+    assert main(["check", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "cart.toml")]) == 0
+    assert "x or v seems to have the opposite sign" in capsys.readouterr().out
