@@ -88,7 +88,7 @@ def tidy(
     read = set(columns)
     _add_constants(columns, constants, len(raw))
     if "time" not in columns:
-        period, said = _period(table, mapping)
+        period, said = sampling_period(table, mapping.sampling_period)
         words += said
         columns["time"] = _time_from_rows(len(raw), period, path, own)
     frame = pd.DataFrame(columns)
@@ -293,10 +293,10 @@ def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], 
         columns[name] = np.full(n, value)
 
 
-def _period(table: RawTable, mapping: LogMapping) -> tuple[float | None, tuple[str, ...]]:
-    """Return the sampling period from the mapping or a scalar of the file, and a note that it was used."""
-    if mapping.sampling_period is not None:
-        return mapping.sampling_period, ()
+def sampling_period(table: RawTable, given: float | None) -> tuple[float | None, tuple[str, ...]]:
+    """Return the sampling period, as given or from a scalar of the file, and a note that this was used."""
+    if given is not None:
+        return given, ()
     for name, value in table.head.items():
         called = str(name).lower().replace("_", "")
         number = float(value) if isinstance(value, int | float) and not isinstance(value, bool) else 0.0

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.io import savemat
 
+from pamid import read_log
 from pamid.cli import main
 from pamid.simulators import EquationSimulator, Port, page_text
 from pamid.simulators.port_log import port_log
@@ -72,3 +74,25 @@ def test_check_tells_it(log: pd.DataFrame, tmp_path: Path, capsys: pytest.Captur
     log.assign(v=-log["v"]).to_csv(tmp_path / "log.csv", index=False)
     assert main(["check", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "cart.toml")]) == 0
     assert "x or v seems to have the opposite sign" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("clock", ["fs", "stamps", "period"])
+def test_a_speed_is_in_its_unit_whatever_counts_the_time(log: pd.DataFrame, tmp_path: Path, clock: str) -> None:
+    (tmp_path / "cart.toml").write_text(page_text(cart(), tmp_path))
+    table, more = log[["u", "x", "v"]], []
+    path = tmp_path / ("log.mat" if clock == "fs" else "log.csv")
+    if clock == "fs":
+        savemat(path, {name: table[name].to_numpy() for name in table} | {"fs": 100.0})
+    elif clock == "stamps":
+        table.assign(stamp=pd.Timestamp("2026-01-01") + pd.to_timedelta(log["time"], unit="s")).to_csv(
+            path, index=False
+        )
+    else:
+        table.to_csv(path, index=False)
+        more = ["--constant", "sampling_period=10 ms"]
+    out = tmp_path / "setup"
+    assert main(["init", str(path), "--sim", str(tmp_path / "cart.toml"), "--yes", "--out", str(out), *more]) == 0
+    (line,) = (text for text in (out / "columns.toml").read_text().splitlines() if text.startswith("v = "))
+    assert "cm" not in line and "DOUBTFUL" not in line
+    read = read_log(path, out / "columns.toml")
+    assert float(read["time"].iloc[1]) == pytest.approx(0.01)

@@ -146,13 +146,14 @@ def _of_model(args: argparse.Namespace) -> int:
     declare_model(draft, simulator)
     for pair in args.signal:
         assign(draft, pair)
+    hold(draft, pairs(args.constant, "--constant"))
     found, doubts = columns_of(draft, simulator)
     columns = {m.port: m.column for m in found}
     if not given_page:
         join(draft, simulator, found)
     if (
         not given_page
-        and not args.encoding
+        and not (args.encoding or args.constant)
         and is_plain(draft, found)
         and not doubts
         and not lacking(simulator, columns, doubts)
