@@ -83,7 +83,7 @@ def evaluate_simulator(
     if simulator.states_equation and not isinstance(log, pd.DataFrame):
         pieces = [pd.concat(log, ignore_index=True)]  # some of its numbers may be fitted to the log
     for piece in pieces:
-        say("evaluate")
+        say("the log")
         evidence = residuals_of(piece, simulator)
         _warn_of_idle(simulator, evidence)
         units |= evidence.units
