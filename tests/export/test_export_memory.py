@@ -48,10 +48,13 @@ def models() -> dict[str, object]:
     return found
 
 
+# Single precision keeps its digits where terms do not cancel. The hysteresis of "force", fitted to a target without any,
+# takes terms of thousands of N that do, by how much depends on the machine.
+SINGLE = ("force, forms", "flow, thin contact")
+
+
 @needs_compiler
-@pytest.mark.parametrize(
-    ("case", "dtype"), [*((c, "float64") for c in CASES), ("force", "float32"), ("flow, thin contact", "float32")]
-)
+@pytest.mark.parametrize(("case", "dtype"), [*((c, "float64") for c in CASES), *((c, "float32") for c in SINGLE)])
 def test_c_remembers_as_predict_does(models, case, dtype, tmp_path):
     export(models[case], tmp_path, "c", dtype=dtype)
     done = run_self_test(tmp_path)
