@@ -48,8 +48,8 @@ def models() -> dict[str, object]:
     return found
 
 
-# Single precision keeps its digits where terms do not cancel. The hysteresis of "force", fitted to a target without any,
-# takes terms of thousands of N that do, by how much depends on the machine.
+# Single precision keeps its digits where terms do not cancel. The hysteresis of "force", fitted to a target without
+# any, takes terms of thousands of N that do; by how much depends on the machine.
 SINGLE = ("force, forms", "flow, thin contact")
 
 
