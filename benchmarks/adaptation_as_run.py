@@ -48,9 +48,10 @@ PAPER = {
     "C": {"target": (1.96, 2.50, 4.68, 2.29, 1.65), "tri": (1.44, 1.50, 3.59, 1.44, 2.21)}
     | {"step": (2.47, 2.55, 3.46, 2.50, 2.61)},
 }
+"""Table 2: errors, by muscle and set, of the methods of `COLUMN`."""
 PAPER_SECONDS = {"B": (195_804, 469, 472, 501, 471), "C": (194_437, 470, 490, 479, 463)}
 PAPER_PARAMETERS = (17_281, 17_281, 640, 1_288, 17_282)
-"""Table 2: errors, by muscle and set, of the methods of `COLUMN`."""
+"""Table 2: seconds, by muscle, and trained parameters, of the same."""
 WINDOWS = {"target": ("sine-4-20", 0.0, 3.2), "tri": ("triangle-4-20", 0.0, 3.2), "step": ("step-0-20", 0.9, 1.7)}
 """By set, the run whose prediction is kept, and its time from and to, s."""
 SHOWN = 160

@@ -189,12 +189,12 @@ def formulas(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, A
                 f"The equation of {name} is nested too deeply: {text[:60]!r}.", "a shorter one", "Simplify it."
             ) from None
 
-    names, base = list(right), {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS}
+    base = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS}
 
     def values(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
         own = {**base, "t": t}
         for given in (x, u, p):
             own |= Values.named(given) if isinstance(given, Values) else given
-        return {n: eval(code, own) for n, code in zip(names, codes, strict=True)}
+        return {n: eval(code, own) for n, code in zip(right, codes, strict=True)}
 
     return values

@@ -91,7 +91,7 @@ def _has_ports(args: argparse.Namespace) -> bool:
 
     if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
         return False
-    note(args, f"{args.sim} is a simulator with ports: the log is checked by itself, and its columns against the ports")
+    note(args, f"{args.sim} is a simulator with ports: the log is looked at by itself")
     return True
 
 
@@ -112,12 +112,14 @@ def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
     from .._simulators import runs_code
 
     if runs_code(args.sim):
+        note(args, f"{args.sim} runs code: its ports are compared with the columns by 'pamid evaluate'")
         return []
     try:
         simulator: Any = any_simulator_of(args)
         return [f"{text}." for text in unit_doubts(simulator, port_log(log, simulator))]
-    except PamidError:
-        return []  # what the log lacks is told by 'pamid init' and 'pamid evaluate'
+    except PamidError as error:
+        note(args, f"the columns are not compared with the ports: {error}")
+        return []
 
 
 def _leave_out_muscles(found: Survey) -> None:
