@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -109,7 +108,8 @@ class MujocoSimulator(Simulator):
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
-        self._names, self._has = list(self.parameters), np.array([float(v) for v in self._nominal])
+        self._in_rest = [name.startswith(_IN_REST) for name in self.parameters]
+        self._has = np.array([float(v) for v in self._nominal])
         self._pieces = KeptPieces(self._m, self._d, self._each)
         fourth_order = int(_mujoco().mjtIntegrator.mjINT_RK4)
         self.own_step = 0.0 if int(self._m.opt.integrator) == fourth_order else float(self._m.opt.timestep)
@@ -226,9 +226,9 @@ class MujocoSimulator(Simulator):
 
     def _set(self, numbers: np.ndarray) -> None:
         moved = False
-        for k in np.flatnonzero(numbers != self._has[: len(numbers)]).tolist():
+        for k in (numbers != self._has[: len(numbers)]).nonzero()[0].tolist():
             (array, at), value = self._slots[k], numbers[k]
-            moved = moved or self._names[k].startswith(_IN_REST)
+            moved = moved or self._in_rest[k]
             array[at] = self._has[k] = value
         if moved:
             _mujoco().mj_setConst(self._m, self._d)
@@ -263,7 +263,7 @@ class MujocoSimulator(Simulator):
             m.opt.timestep, m.opt.integrator = known
 
     def _each(
-        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, rows: int, read: Callable[[], np.ndarray],
+        self, x: np.ndarray, u: np.ndarray, p: np.ndarray, size: int, read: Callable[[], np.ndarray],
         sensors: bool = False, advance: Callable[[int], None] | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return readings of the model at many instants, or once it went on from there; NaN where one is not finite."""
@@ -272,21 +272,21 @@ class MujocoSimulator(Simulator):
         spec |= mj.mjtState.mjSTATE_QFRC_APPLIED
         if mj.mj_stateSize(m, spec) != 2 * m.nv + nu + m.nv:
             raise ParameterError(f"{self.path} has other states.", "only joints and inputs", "Leave them out.")
-        out = np.full((x.shape[1], rows), np.nan)
+        out = np.full((x.shape[1], size), np.nan)
         given = np.ascontiguousarray(np.vstack([x[0::2], x[1::2], u[:nu], u[nu:]]).T)
         usable = np.isfinite(given).all(axis=1) & np.isfinite(p).all(axis=0)
-        changes = np.flatnonzero(np.any(np.diff(p, axis=1) != 0.0, axis=0)) + 1 if len(p) else np.zeros(0, int)
+        rows, numbers = np.flatnonzero(usable), np.ascontiguousarray(p.T)
+        new = np.append(True, np.any(np.diff(numbers[rows], axis=0) != 0.0, axis=1))
         stage, put, forward = int(mj.mjtStage.mjSTAGE_NONE), mj.mj_setState, mj.mj_forwardSkip
-        for a, b in pairwise([0, *changes.tolist(), len(given)]):
-            if b > a and np.isfinite(p[:, a]).all():
-                self._set(p[:, a])
-            for k in (a + np.flatnonzero(usable[a:b])).tolist():
-                put(m, d, given[k], spec)
-                if advance is None:
-                    forward(m, d, stage, not sensors)
-                else:
-                    advance(k)
-                out[k] = read()
+        for k, changes in zip(rows.tolist(), new.tolist(), strict=False):
+            if changes:
+                self._set(numbers[k])
+            put(m, d, given[k], spec)
+            if advance is None:
+                forward(m, d, stage, not sensors)
+            else:
+                advance(k)
+            out[k] = read()
         return out.T
 
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
