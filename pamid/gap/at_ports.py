@@ -29,14 +29,23 @@ if TYPE_CHECKING:
 
 
 def diagnose_at_ports(
-    log: pd.DataFrame, simulator: Simulator, effects: str | Sequence[str], seed: int, say: Callable[[str], None]
+    log: pd.DataFrame,
+    simulator: Simulator,
+    effects: str | Sequence[str],
+    seed: int,
+    say: Callable[[str], None],
+    change: float | None = None,
 ) -> Diagnosis:
-    """Diagnose one log of a simulator with ports."""
-    return diagnose_evidence(evidence_of(log, simulator, refit=True), effects, seed, say)[0]
+    """Diagnose one log of a simulator with ports; `change` as in `explain`."""
+    return diagnose_evidence(evidence_of(log, simulator, refit=True), effects, seed, say, change)[0]
 
 
 def diagnose_evidence(
-    evidence: PortEvidence, effects: str | Sequence[str], seed: int, say: Callable[[str], None] = lambda _: None
+    evidence: PortEvidence,
+    effects: str | Sequence[str],
+    seed: int,
+    say: Callable[[str], None] = lambda _: None,
+    change: float | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
     """Return the diagnosis of a log's evidence, and what a learner leaves of it."""
     from threadpoolctl import threadpool_limits
@@ -67,6 +76,7 @@ def diagnose_evidence(
             known.templates,
             known.interrupted,
             runner(searched),
+            change,
         )
     return told(found, evidence), known.learned
 

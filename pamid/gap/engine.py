@@ -15,6 +15,7 @@ from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
 from .inference.hypotheses import Screen
 from .inference.run_off import Run, by_running
+from .inference.runs_differ import RunsDifferError, runs_differ
 from .inference.sensitivity import Template
 from .inference.so_far import alone_so_far, stopped
 from .inference.stepped import with_steps
@@ -81,6 +82,7 @@ def explain(
     known: Mapping[str, Sequence[Template]] | None = None,
     interrupted: bool = False,
     run: Run | None = None,
+    change: float | None = None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
@@ -92,7 +94,8 @@ def explain(
 
     Causes are searched in a part of the evidence where one is given, with templates of effects that are known there;
     where the search was interrupted already, the best single effect is refitted and no more. Where `run` simulates,
-    it rules out sets of effects that equations hardly tell apart.
+    it rules out sets of effects that equations hardly tell apart. With the log odds of a `change`, runs that disagree
+    about an effect raise `RunsDifferError`.
     """
     from threadpoolctl import threadpool_limits
 
@@ -100,7 +103,10 @@ def explain(
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         competition = Competition(searched or evidence, library, say, known)
-        outcome = competition.refit(screened(competition, interrupted, say))
+        screen = screened(competition, interrupted, say)
+        if change is not None and runs_differ(competition, screen, change):
+            raise RunsDifferError
+        outcome = competition.refit(screen)
         again = with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say)))
         if again is not None:
             competition, outcome = again

@@ -101,8 +101,14 @@ class FirstOrder(Worth):
                 found[name] = Single(float(gains[t]) - about.cost[name], closed_share(left, room))
         return found
 
-    def _about(self, h: Hypothesis, without: frozenset[str] = frozenset(), inexact: bool = True) -> Subsets:
-        """Return the subsets of the library about a hypothesis, some of its effects taken out, forms exact or not."""
+    def _about(
+        self,
+        h: Hypothesis,
+        without: frozenset[str] = frozenset(),
+        inexact: bool = True,
+        library: Sequence[Template] | None = None,
+    ) -> Subsets:
+        """Return the subsets of a library about a hypothesis, some of its effects taken out, forms exact or not."""
         evidence, fit = self.evidence, h.fit
         spec = {k: v for k, v in fit.spec.items() if k not in without}
         z = evidence.tangent(spec, fit.x)
@@ -134,7 +140,7 @@ class FirstOrder(Worth):
             np.concatenate(lower),
             np.concatenate(upper),
             np.concatenate(precision),
-            relinearised(evidence, self.templates, spec),
+            relinearised(evidence, self.templates if library is None else library, spec),
             cost,
             evidence.parts,
             weights,

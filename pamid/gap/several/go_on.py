@@ -10,7 +10,7 @@ from ...explained import explained_by
 from ...simulators.base import Simulator
 from .conditions import Conditions, conditions_of
 from .history import History
-from .logs import diagnose
+from .logs import diagnose, runs_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -83,5 +83,8 @@ def go_on(
     asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
     held_by = those if asked is every else None
     found = diagnose(asked, history.simulator, history.library, conditions=held_by, seed=seed, progress=progress)
+    if held_by is None and found.logs:  # its runs turned out to differ
+        logs = runs_of(asked)
+        held = conditions_of(list(logs), None)
     history.add(found, logs, held)
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from ...signals.frames import logs_as_pandas
@@ -10,14 +11,26 @@ from ...simulators.base import Simulator
 from ..at_ports import diagnose_at_ports
 from ..diagnosis.result import Diagnosis
 from ..engine import diagnose_bench
+from ..inference.runs_differ import RunsDifferError
 from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
+from .variants import MOST_DAYS, odds_of_change
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from ...bench.parameters import BenchParameters
+
+APART = "The runs of this log differ in the size of an effect: each is taken as a log of its own."
+"""Note where runs that were given as one log are diagnosed as several."""
+
+
+def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """Return the runs of a log as logs, by name."""
+    if "trajectory" not in log:
+        return {"log": log}
+    return {str(name): rows.reset_index(drop=True) for name, rows in log.groupby("trajectory", sort=False)}
 
 
 def diagnose(
@@ -114,7 +127,14 @@ def diagnose(
     if isinstance(simulator, Simulator):
         if isinstance(log, Mapping):
             return diagnose_port_logs(log, simulator, effects, conditions, seed, say)
-        return diagnose_at_ports(log, simulator, effects, seed, say)
+        runs = runs_of(log)
+        try:
+            change = odds_of_change(len(runs) - 1) if 1 < len(runs) <= MOST_DAYS else None
+            return diagnose_at_ports(log, simulator, effects, seed, say, change)
+        except RunsDifferError:
+            say("the runs differ: each is a log of its own")
+            found = diagnose_port_logs(runs, simulator, effects, conditions, seed, say)
+            return replace(found, notes=[*found.notes, APART])
     if isinstance(log, Mapping):
         return diagnose_bench_logs(log, simulator, effects, conditions, seed, say)
     return diagnose_bench(log, simulator, effects, seed, say)

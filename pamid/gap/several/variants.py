@@ -16,6 +16,11 @@ CHANGES = 0.1
 """Probability that a cause acts in only some of the logs."""
 
 
+def odds_of_change(borders: int) -> float:
+    """Return the logarithm of the odds with which an effect acts on one side only of one of so many borders."""
+    return float(np.log(CHANGES / (1.0 - CHANGES) / (2.0 * max(borders, 1))))
+
+
 class Variants:
     """The library with effects that act from one log on, or up to one.
 
@@ -39,7 +44,7 @@ class Variants:
         """The library's name of each effect that acts in some of the logs."""
         self._acts: dict[str, range] = {}
         borders = [k for k in range(1, n) if days[k] != days[k - 1]]
-        self.odds = float(np.log(CHANGES / (1.0 - CHANGES) / (2.0 * max(len(borders), 1))))
+        self.odds = odds_of_change(len(borders))
         """Logarithm of the odds with which an effect acts in some of the logs."""
         self.apart: dict[str, list[tuple[str, str]]] = {}
         """The two halves of each effect about each border, before and after it."""
