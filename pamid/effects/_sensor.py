@@ -8,7 +8,7 @@ import numpy as np
 
 from ..signals.roles import ROLES
 from ..signals.state import Array
-from ._delay import delayed_rows, shift
+from ._delay import delayed_rows, memory, shift
 from ._memory import relax, relax_along
 from .base import Effect, Signals
 from .plant import Plant
@@ -156,16 +156,16 @@ class Delay(SensorFault):
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return equal past values; the first entry is the reading."""
         value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
-        return np.broadcast_to(value, (int(np.ceil(self.delay / dt)) + 2, *value.shape)).copy()
+        return np.broadcast_to(value, (1 + memory(self.delay / dt), *value.shape)).copy()
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Take in the value of the later instant."""
-        return shift(x, getattr(s1, ROLE[self.channel]), self.delay / dt)
+        return shift(x, getattr(s1, ROLE[self.channel]), self.delay / dt, smooth=True)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the delayed value along each run, without a loop over time."""
         value = np.asarray(getattr(s, ROLE[self.channel]), dtype=float)
-        return delayed_rows(value, self.delay / dt, starts)[None]
+        return delayed_rows(value, self.delay / dt, starts, smooth=True)[None]
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the late reading."""
@@ -173,4 +173,4 @@ class Delay(SensorFault):
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
         """Return the readings moved back in time."""
-        return delayed_rows(np.asarray(reading, dtype=float), -self.delay / dt, starts)
+        return delayed_rows(np.asarray(reading, dtype=float), -self.delay / dt, starts, smooth=True)
