@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import ast
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -19,6 +21,15 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "tanh": np.tanh, "abs": np.abs, "sign": np.sign, "min": np.minimum, "max": np.maximum,
 }  # fmt: skip
 """What an equation may call; angles in rad."""
+_PLAIN: dict[str, Callable[..., float]] = {
+    "sqrt": math.sqrt, "exp": math.exp, "log": math.log, "sin": math.sin, "cos": math.cos, "tan": math.tan,
+    "atan": math.atan, "tanh": math.tanh, "abs": abs, "sign": lambda v: float((v > 0.0) - (v < 0.0)) if v == v else v,
+    "min": lambda a, b: a if a < b or a != a else b, "max": lambda a, b: a if a > b or a != a else b,
+    "**": math.pow,
+}  # fmt: skip
+"""The same for plain numbers; some raise an error where arrays hold NaN."""
+FEW = 8
+"""Instants up to which plain numbers are faster than arrays: a simulation asks for a few runs at each step."""
 _CONSTANTS = {"pi": float(np.pi)}
 _NODES = (
     ast.Expression, ast.BinOp, ast.UnaryOp, ast.Call, ast.Name, ast.Constant, ast.Load, ast.Add, ast.Sub, ast.Mult,
@@ -81,8 +92,8 @@ class EquationSimulator(FunctionSimulator):
                     "one equation for each state (dNAME/dt) and output",
                     "Add it.",
                 )
-        rate = formulas(rates, known) if states else None
-        show = formulas(shown, known) if outputs else None
+        rate = self._rates = Formulas(rates, known) if states else None
+        show = Formulas(shown, known) if outputs else None
         if rate is not None:
             super().__init__(rate, ports, parameters, output=show, form="ode", effects=effects)
         else:
@@ -100,10 +111,20 @@ class EquationSimulator(FunctionSimulator):
             with np.errstate(all="ignore"):
                 found = function(*(given if t is None else [t, *given]))
                 for row, name in zip(out, names, strict=True):
-                    row[:] = found[name]
+                    row[:] = np.nan if isinstance(found[name], complex) else found[name]
         except (TypeError, ValueError, ArithmeticError):  # such as a root of a negative constant
             return super()._call(what, function, arguments, t, names)
         return out
+
+    def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates of the states, shape (n_states, n)."""
+        if x.shape[1] <= FEW and self._rates is not None and self._rates.plain is not None:
+            given = [(x, self.states), (u, self.inputs), (p, tuple(self.parameters))]
+            try:
+                return np.array(self._rates.one_by_one(t, given)).reshape(-1, len(x)).T
+            except (TypeError, ValueError, ArithmeticError):  # not finite at some instant
+                pass
+        return super().rate(t, x, u, p)
 
     @classmethod
     def from_page(
@@ -170,31 +191,69 @@ def _wrong_call(node: Any) -> bool:
     return len(node.args) != (2 if node.func.id in ("min", "max") else 1)
 
 
-def formulas(right: Mapping[str, str], known: set[str]) -> Callable[[Any, Any, Any, Any], dict[str, Any]]:
-    """Return a function of t, x, u, p that gives all right sides."""
-    codes = []
-    for name, text in right.items():
-        if unknown := sorted(names_in(text) - known):
-            raise ParameterError(
-                f"The equation of {name} uses {', '.join(unknown)}.",
-                f"states, inputs, parameters or t: {', '.join(sorted(known))}",
-                "Give it as a port or parameter, or correct the name.",
-            )
-        # The tree holds arithmetic and calls of FUNCTIONS alone: nothing else can run.
-        tree = _parsed(text)
-        try:
-            codes.append(compile(tree, f"<{name}>", "eval"))
-        except (RecursionError, MemoryError):
-            raise ParameterError(
-                f"The equation of {name} is nested too deeply: {text[:60]!r}.", "a shorter one", "Simplify it."
-            ) from None
+class Formulas:
+    """Right sides of equations, as a function of t, x, u, p that gives all of them by name."""
 
-    base = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS}
+    def __init__(self, right: Mapping[str, str], known: set[str]) -> None:
+        trees = {}
+        for name, text in right.items():
+            if unknown := sorted(names_in(text) - known):
+                raise ParameterError(
+                    f"The equation of {name} uses {', '.join(unknown)}.",
+                    f"states, inputs, parameters or t: {', '.join(sorted(known))}",
+                    "Give it as a port or parameter, or correct the name.",
+                )
+            trees[name] = _parsed(text)
+        self._used = sorted(known & {name for text in right.values() for name in names_in(text)})
+        # The trees hold arithmetic and calls of FUNCTIONS alone: nothing else can run.
+        self._codes = {name: _compiled(name, tree) for name, tree in trees.items()}
+        self._base = {"__builtins__": {}, **FUNCTIONS, **_CONSTANTS}
+        self.plain = _of_numbers(self._used, list(trees.values()))
 
-    def values(t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
-        own = {**base, "t": t}
+    def __call__(self, t: Any, x: Any, u: Any, p: Any) -> dict[str, Any]:
+        """Return the right sides by name."""
+        own = {**self._base, "t": t}
         for given in (x, u, p):
             own |= Values.named(given) if isinstance(given, Values) else given
-        return {n: eval(code, own) for n, code in zip(right, codes, strict=True)}
+        return {name: eval(code, own) for name, code in self._codes.items()}
 
-    return values
+    def one_by_one(
+        self, t: np.ndarray, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]
+    ) -> list[tuple[float, ...]]:
+        """Return the right sides at one instant after the other, as plain numbers."""
+        n = arguments[0][0].shape[1]
+        rows = {"t": t.tolist() if np.ndim(t) else [t] * n}
+        for values, labels in arguments:
+            rows |= zip(labels, values.tolist(), strict=True)
+        points = zip(*(rows[name] for name in self._used), strict=True) if self._used else repeat((), n)
+        return [self.plain(*point) for point in points]
+
+
+def _of_numbers(names: Sequence[str], trees: Sequence[ast.Expression]) -> Callable[..., tuple[float, ...]] | None:
+    """Return a function of plain numbers that gives all right sides; None where they are nested too deeply for one."""
+    given = ast.arguments([], [ast.arg(name) for name in names], kw_defaults=[], kwonlyargs=[], defaults=[])
+    try:
+        every = ast.Tuple([_Powers().visit(tree.body) for tree in trees], ast.Load())
+        code = compile(ast.fix_missing_locations(ast.Expression(ast.Lambda(given, every))), "<all>", "eval")
+    except (RecursionError, MemoryError):
+        return None
+    found: Callable[..., tuple[float, ...]] = eval(code, {"__builtins__": {}, **_PLAIN, **_CONSTANTS})
+    return found
+
+
+class _Powers(ast.NodeTransformer):
+    """Powers as calls: of plain numbers Python's own may be complex."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """Return a power as a call."""
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Pow):
+            return node
+        return ast.Call(ast.Name("**", ast.Load()), [node.left, node.right], [])
+
+
+def _compiled(name: str, tree: ast.Expression) -> Any:
+    try:
+        return compile(tree, f"<{name}>", "eval")
+    except (RecursionError, MemoryError):
+        raise ParameterError(f"The equation of {name} is nested too deeply.", "a shorter one", "Simplify it.") from None

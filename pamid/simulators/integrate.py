@@ -42,6 +42,7 @@ class Runner:
         self.simulator, self.dt, self.substeps, self.lines = simulator, dt, substeps, lines
         self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
 
+    @np.errstate(all="ignore")
     def states(
         self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST
     ) -> np.ndarray:
@@ -63,7 +64,8 @@ class Runner:
             for j in range(self.substeps):
                 held = u[k] + (j + 0.5) / self.substeps * (u[k + 1] - u[k]) if self.lines else u[k]
                 x, memory = self._step(t[k] + j * h, h, x, held, now, acting, memory, paths)
-                x = np.clip(np.nan_to_num(x, nan=most), -most, most)
+                if not np.abs(x).max(initial=0.0) < most:  # NaN is not less, either
+                    x = np.clip(np.nan_to_num(x, nan=most), -most, most)
         return out
 
     def _table(self, x: np.ndarray, u: np.ndarray, paths: Sequence[str]) -> dict[str, np.ndarray]:
@@ -91,7 +93,7 @@ class Runner:
         self, acting: Acting, memory: list[Any], before: list[Any], x: np.ndarray, u: np.ndarray, later: float,
         t: np.ndarray, paths: Sequence[str],
     ) -> list[Any]:  # fmt: skip
-        if later == 0.0 or not any(made.n_states for _, made in acting):
+        if later == 0.0 or not acting or not any(made.n_states for _, made in acting):
             return memory
         table, out = self._table(x, u, paths), []
         for (place, made), m, s0 in zip(acting, memory, before, strict=True):
@@ -107,14 +109,15 @@ class Runner:
         paths: Sequence[str],
     ) -> np.ndarray:  # fmt: skip
         simulator, n = self.simulator, len(self.simulator.states)
+        if not acting and not paths:
+            return simulator.rate(t, x, u, p)
         added = np.zeros_like(x)
         if acting:
             table, at, u = self._table(x, u, paths), (t, x[:n], u, p), u.copy()
             for (place, made), m in zip(acting, memory, strict=True):
                 force = place.force(made, place.signals(table, t), m)
                 place.push(made, force, simulator, at, u, added)
-        with np.errstate(all="ignore"):
-            added[:n] += simulator.rate(t, x[:n], u, p)
+        added[:n] += simulator.rate(t, x[:n], u, p)
         for k, name in enumerate(paths):
             added[n + k] = x[simulator.states.index(self.paths[name])]
         return added

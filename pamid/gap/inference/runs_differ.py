@@ -55,6 +55,6 @@ def _cut(first: FirstOrder, borders: np.ndarray) -> Iterator[Template]:
             b = A.T @ (evidence.z0 * root)
             gain = float(b @ np.linalg.pinv(A.T @ A, rcond=1e-9) @ b)
             if gain > best.get(template.effect, (0.0, None))[0]:
-                bounds = {name: np.tile(getattr(template, name), 2) for name in ("lower", "upper")}
-                best[template.effect] = gain, replace(template, columns=columns, **bounds)
+                lower, upper = np.tile(template.lower, 2), np.tile(template.upper, 2)
+                best[template.effect] = gain, replace(template, columns=columns, lower=lower, upper=upper)
     yield from (template for _, template in best.values())
