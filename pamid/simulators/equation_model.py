@@ -111,7 +111,7 @@ class EquationSimulator(FunctionSimulator):
             with np.errstate(all="ignore"):
                 found = function(*(given if t is None else [t, *given]))
                 for row, name in zip(out, names, strict=True):
-                    row[:] = np.nan if isinstance(found[name], complex) else found[name]
+                    row[:] = np.nan if np.iscomplexobj(found[name]) else found[name]
         except (TypeError, ValueError, ArithmeticError):  # such as a root of a negative constant
             return super()._call(what, function, arguments, t, names)
         return out
