@@ -14,6 +14,7 @@ H. K. Khalil, "Nonlinear Systems", 3rd ed., Prentice Hall, 2002, section 3.3 (se
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -75,12 +76,7 @@ class Response:
         self.x = np.nan_to_num(states)
         self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
         ends = np.append(firsts[1:], log.n)
-        self.length = int(np.max(ends - firsts))
         self.before = np.concatenate([np.arange(a, b - 1) for a, b in zip(firsts, ends, strict=True)]).astype(int)
-        rows = firsts[None] + np.arange(max(self.length - 1, 0))[:, None]
-        # Index of each step of each stretch among all steps; stretches that end earlier keep their last one.
-        count = np.concatenate([[0], np.cumsum(ends - firsts - 1)])
-        self.at = np.where(rows < ends - 1, rows - firsts + count[:-1], -1)
         self.evaluations = 0.0
         """Times that the rates were asked for at every row."""
         self.drive = drive
@@ -201,14 +197,27 @@ class Response:
         start[state] = 1.0
         return self._followed(np.zeros((len(self.x), len(self.before))), start)
 
+    @cached_property
+    def _band(self) -> np.ndarray:
+        """The equations of all states, each but the first of a stretch less its step from the one before, as a band."""
+        steps, n = self._steps[0], len(self.x)
+        band = np.zeros((2 * n, self.log.n, n))
+        band[0] = 1.0
+        for i in range(n):
+            for j in range(n):
+                band[n + i - j, self.before, j] = -steps[:, i, j]
+        return np.asfortranarray(band.reshape(2 * n, -1))
+
     def _followed(self, change: np.ndarray, start: np.ndarray) -> np.ndarray:
-        steps, integrals = self._steps
-        pushed = np.einsum("kij,jk->ki", integrals, change)
-        out, x = np.zeros_like(self.x), start.T.copy()
-        out[:, self.firsts] = start
-        with np.errstate(all="ignore"):
-            for k, at in enumerate(self.at):
-                going = at >= 0
-                x = np.where(going[:, None], (steps[at] @ x[:, :, None])[:, :, 0] + pushed[at], x)
-                out[:, self.firsts[going] + k + 1] = x[going].T
-        return np.clip(np.nan_to_num(out), -_MOST, _MOST)
+        """Return the changes of the states along all stretches, from step to step: a triangular band of equations."""
+        from scipy.linalg.lapack import dtbtrs
+
+        n, right = len(self.x), np.zeros((self.log.n, len(self.x)))
+        right[self.before + 1] = np.einsum("kij,jk->ki", self._steps[1], change)
+        right[self.firsts] = start.T
+        out = dtbtrs(self._band, right.reshape(-1, 1), uplo="L")[0].reshape(-1, n)
+        if not np.isfinite(out).all():  # zero times infinity would reach the next stretch
+            for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
+                own = dtbtrs(self._band[:, a * n : b * n], right[a:b].reshape(-1, 1), uplo="L")[0]
+                out[a:b] = own.reshape(-1, n)
+        return np.clip(np.nan_to_num(out.T), -_MOST, _MOST)
