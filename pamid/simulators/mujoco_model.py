@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -262,25 +263,32 @@ class MujocoSimulator(Simulator):
         finally:
             m.opt.timestep, m.opt.integrator = known
 
+    @cached_property
+    def _given(self) -> int:
+        """What of a state is given to the model."""
+        mj, kinds = _mujoco(), _mujoco().mjtState
+        spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
+        if mj.mj_stateSize(self._m, spec) != 3 * self._m.nv + self._m.nu:
+            raise ParameterError(f"{self.path} has other states.", "only joints and inputs", "Leave them out.")
+        return int(spec)
+
     def _each(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, size: int, read: Callable[[], np.ndarray],
         sensors: bool = False, advance: Callable[[int], None] | None = None,
     ) -> np.ndarray:  # fmt: skip
         """Return readings of the model at many instants, or once it went on from there; NaN where one is not finite."""
-        mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
-        spec = mj.mjtState.mjSTATE_QPOS | mj.mjtState.mjSTATE_QVEL | mj.mjtState.mjSTATE_CTRL
-        spec |= mj.mjtState.mjSTATE_QFRC_APPLIED
-        if mj.mj_stateSize(m, spec) != 2 * m.nv + nu + m.nv:
-            raise ParameterError(f"{self.path} has other states.", "only joints and inputs", "Leave them out.")
-        out = np.full((x.shape[1], size), np.nan)
-        given = np.ascontiguousarray(np.vstack([x[0::2], x[1::2], u[:nu], u[nu:]]).T)
-        usable = np.isfinite(given).all(axis=1) & np.isfinite(p).all(axis=0)
-        rows, numbers = np.flatnonzero(usable), np.ascontiguousarray(p.T)
-        new = np.append(True, np.any(np.diff(numbers[rows], axis=0) != 0.0, axis=1))
+        mj, m, d, n, spec = _mujoco(), self._m, self._d, x.shape[1], self._given
         stage, put, forward = int(mj.mjtStage.mjSTAGE_NONE), mj.mj_setState, mj.mj_forwardSkip
-        for k, changes in zip(rows.tolist(), new.tolist(), strict=False):
-            if changes:
+        out, given, numbers = np.full((n, size), np.nan), np.empty((n, len(x) + len(u))), np.ascontiguousarray(p.T)
+        given[:, : m.nv], given[:, m.nv : 2 * m.nv], given[:, 2 * m.nv :] = x[0::2].T, x[1::2].T, u.T
+        rows: Iterable[int] = range(n)
+        if not (np.isfinite(given).all() and np.isfinite(numbers).all()):
+            rows = np.flatnonzero(np.isfinite(given).all(axis=1) & np.isfinite(numbers).all(axis=1)).tolist()
+        differs, at = (numbers[1:] != numbers[:-1]).any(axis=1).tolist(), -1
+        for k in rows:
+            if at < 0 or any(differs[at:k]):
                 self._set(numbers[k])
+            at = k
             put(m, d, given[k], spec)
             if advance is None:
                 forward(m, d, stage, not sensors)
