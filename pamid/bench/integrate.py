@@ -13,13 +13,6 @@ Rates = Callable[[np.ndarray, np.ndarray, float], None]
 class RungeKutta4:
     """The classical method of fourth order.
 
-    Parameters
-    ----------
-    rates : callable
-        ``rates(y, out, ahead)`` writes the rate of ``y`` into ``out``.
-    shape : tuple of int
-        Shape of the state.
-
     Examples
     --------
     >>> import numpy as np

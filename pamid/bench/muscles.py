@@ -27,13 +27,6 @@ class Muscles:
     .. math:: F = p\,\frac{3 L^2 - b^2}{4\pi n^2}, \qquad \dot P = \frac{\gamma\,(R T \dot m - P \dot V)}{V}
 
     with the flow through an ISO 6358 valve whose command is held.
-
-    Attributes
-    ----------
-    F : array
-        Tension at the last evaluation, N.
-    mdot : array
-        Flow through the valve at the last evaluation, kg/s.
     """
 
     def __init__(self, params: BenchParameters, shape: tuple[int, ...], effects: Sequence[Effect] = ()) -> None:

@@ -31,12 +31,6 @@ class FlowEquation(Equation):
     the pressure alone; that of a slow valve goes straight to the second; that of a valve whose command comes late may
     change right after the first. Which it is, is a timing within one sample that a log does not tell; the share that
     fits the run best is taken, so that it does not pose as a gap.
-
-    Examples
-    --------
-    >>> from pamid.equations.flow import FlowEquation
-    >>> FlowEquation.name, FlowEquation.unit
-    ('flow', 'kg/s')
     """
 
     name: ClassVar[str] = "flow"

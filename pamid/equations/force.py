@@ -15,12 +15,6 @@ class ForceEquation(Equation):
     r"""Measured tension minus that of the virtual work of the gas.
 
     .. math:: F - \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}
-
-    Examples
-    --------
-    >>> from pamid.equations.force import ForceEquation
-    >>> ForceEquation.name, ForceEquation.unit
-    ('force', 'N')
     """
 
     name: ClassVar[str] = "force"

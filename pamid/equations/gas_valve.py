@@ -22,12 +22,6 @@ class GasValveEquation(Equation):
         P^{1/\gamma-1} R T\,\dot m_\mathrm{valve}(u, P)
 
     in the same weak form as the flow equation. What enters either of them acts here: a leak as well as a dead zone.
-
-    Examples
-    --------
-    >>> from pamid.equations.gas_valve import GasValveEquation
-    >>> GasValveEquation.title(), GasValveEquation.channels
-    ('flow–valve', ('q', 'P', 'u'))
     """
 
     name: ClassVar[str] = "gas_valve"

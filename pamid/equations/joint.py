@@ -18,12 +18,6 @@ class JointEquation(Equation):
 
     tested in weak form: the acceleration becomes the second difference of window means of the angle, so that the
     encoder's noise is not differentiated sample by sample and no filter's error poses as a torque.
-
-    Examples
-    --------
-    >>> from pamid.equations.joint import JointEquation
-    >>> JointEquation.name, JointEquation.unit, JointEquation.order
-    ('joint', 'N m', 3)
     """
 
     name: ClassVar[str] = "joint"

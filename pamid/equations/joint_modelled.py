@@ -21,12 +21,6 @@ class JointModelledEquation(Equation):
 
     in the same weak form as the joint equation. What enters either of them acts here: friction of a muscle as well as
     gravity. A load cell's faults do not.
-
-    Examples
-    --------
-    >>> from pamid.equations.joint_modelled import JointModelledEquation
-    >>> JointModelledEquation.title(), JointModelledEquation.channels
-    ('force–joint', ('q', 'P'))
     """
 
     name: ClassVar[str] = "joint_modelled"

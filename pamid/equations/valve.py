@@ -22,12 +22,6 @@ class ValveEquation(Equation):
     Where the flow is undone from readings that lag, it is so to within a sample: whether it stood from one sample to
     the next or went straight is in none of the readings. The modelled flow is then as late, by up to one sample, as
     fits the run best.
-
-    Examples
-    --------
-    >>> from pamid.equations.valve import ValveEquation
-    >>> ValveEquation.name, ValveEquation.unit
-    ('valve', 'kg/s')
     """
 
     name: ClassVar[str] = "valve"

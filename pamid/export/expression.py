@@ -42,15 +42,7 @@ _UFUNCS: dict[Any, str] = {
 
 
 class Symbol:
-    """A value that is not known yet: a signal, or what operations make of signals.
-
-    Parameters
-    ----------
-    op : str
-        ``"input"``, ``"const"`` or the name of an operation.
-    args : tuple
-        Name of the input, value of the constant, or the operands.
-    """
+    """A value that is not known yet: a signal, or what operations make of signals."""
 
     __slots__ = ("args", "op")
     __array_priority__ = 100.0

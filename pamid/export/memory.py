@@ -46,22 +46,7 @@ class Memory:
 
 
 class Tracer:
-    """Effects of a model, called with symbols.
-
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Identified effects, in the order of the model.
-    equations : sequence of str
-        The model's equations.
-    plant : Plant
-        The muscle that the effects refer to.
-
-    Raises
-    ------
-    ExportError
-        An effect looks ahead.
-    """
+    """Effects of a model, called with symbols."""
 
     def __init__(self, effects: Sequence[Effect], equations: Sequence[str], plant: Plant) -> None:
         self.effects, self.equations, self.plant = list(effects), list(equations), plant

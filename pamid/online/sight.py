@@ -20,20 +20,6 @@ LEAST_SAMPLES = 20
 class Sight:
     """Judge the last second of a stream: whether there are signals, in SI, that move.
 
-    Parameters
-    ----------
-    targets : sequence of str
-        Signals of which at least one must be measured.
-    interval : float
-        Sampling interval, s.
-    ambient : float, default=101325.0
-        Ambient pressure, Pa, absolute.
-
-    Attributes
-    ----------
-    why : str
-        Why nothing can be seen; empty while all is well.
-
     Examples
     --------
     >>> import numpy as np

@@ -15,11 +15,6 @@ class StillSensors:
 
     A channel that did rest on the healthy stretch, such as one in coarse steps, is never called stuck.
 
-    Attributes
-    ----------
-    stuck : dict of str to float
-        Channels that are stuck now, with the time since which they are, s.
-
     Examples
     --------
     >>> import numpy as np

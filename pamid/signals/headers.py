@@ -25,14 +25,7 @@ _BRACKETS = re.compile(r"([\[({<])\s*([^\[\](){}<>]*(?:\([^()]*\))?)\s*[\])}>]")
 
 
 class Header(NamedTuple):
-    """What a header says.
-
-    Examples
-    --------
-    >>> from pamid.signals.headers import read_header
-    >>> read_header("Kraft [daN]").unit, read_header("Kraft [foo]").unread
-    ('daN', 'foo')
-    """
+    """What a header says."""
 
     words: list[str]
     """Its words in small letters, without unit."""

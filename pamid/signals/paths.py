@@ -77,15 +77,7 @@ class Turns(NamedTuple):
 
 
 class Path:
-    """A signal along runs, as what depends on its path alone reads it.
-
-    Parameters
-    ----------
-    position : array, shape (n, ...)
-        The signal, time along the first axis.
-    starts : array of int
-        First row of each run, the first being 0.
-    """
+    """A signal along runs, as what depends on its path alone reads it."""
 
     def __init__(self, position: np.ndarray, starts: np.ndarray) -> None:
         self.position, self.starts = np.asarray(position, dtype=float), np.asarray(starts, dtype=np.int64)
@@ -108,15 +100,7 @@ class Path:
 
 
 def turns_back(x: np.ndarray, starts: np.ndarray) -> bool:
-    """Return whether a path reverses at least once per run; within 1 % of its range it may be noise.
-
-    Parameters
-    ----------
-    x : array, shape (n,)
-        The path.
-    starts : array of int, shape (n_runs,)
-        First row of each run.
-    """
+    """Return whether a path reverses at least once per run; within 1 % of its range it may be noise."""
     slack = 0.01 * float(np.ptp(x)) if len(x) else 0.0
     runs = [run for run in np.split(x, starts[1:]) if len(run) > 1]
     return sum(len(reversals(play(run, slack))) - 2 for run in runs) >= len(starts)

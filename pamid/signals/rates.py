@@ -33,15 +33,7 @@ _LONGEST_GRID = 20
 
 
 class Grid(NamedTuple):
-    """Sampling of one run.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals.rates import sampling_grid
-    >>> sampling_grid(np.arange(0, 1, 1e-3)).period  # s
-    0.001
-    """
+    """Sampling of one run."""
 
     period: float
     """Sampling period, s: the median step, or the mean of equal steps."""

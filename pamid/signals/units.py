@@ -12,15 +12,7 @@ _NORMAL_DENSITY = 1.2929
 
 
 class Unit(NamedTuple):
-    """A unit: SI value = `factor` · value + `offset`.
-
-    Examples
-    --------
-    >>> from pamid.signals import UNITS
-    >>> bar = UNITS["bar"]
-    >>> bar.dimension
-    'pressure'
-    """
+    """A unit: SI value = `factor` · value + `offset`."""
 
     dimension: str
     """Physical dimension, such as ``"pressure"``."""

@@ -20,21 +20,7 @@ MOST = 1e9
 
 
 class Runner:
-    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or interpolated.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    dt : float
-        Sampling interval, s.
-    joints : sequence of JointPort
-        Its joints: one without a position gets a path.
-    substeps : int, default=1
-        Steps per sample.
-    lines : bool, default=False
-        Whether inputs are interpolated to the next sample; over each step their mean is used.
-    """
+    """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or interpolated."""
 
     def __init__(
         self, simulator: Simulator, dt: float, joints: Sequence[JointPort] = (), substeps: int = 1, lines: bool = False

@@ -81,15 +81,7 @@ def slopes(simulator: Simulator, at: SomeInstants, by: list[int], p: np.ndarray 
 
 
 class Slopes:
-    """Slopes of a simulator's rates over its states, in SI, at some instants.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    at : SomeInstants
-        Where it is evaluated.
-    """
+    """Slopes of a simulator's rates over its states, in SI, at some instants."""
 
     def __init__(self, simulator: Simulator, at: SomeInstants) -> None:
         self.simulator, self.at = simulator, at

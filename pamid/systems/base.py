@@ -136,14 +136,7 @@ class Quantity(NamedTuple):
 
 
 class Choice(NamedTuple):
-    """A word of a system's page.
-
-    Examples
-    --------
-    >>> from pamid.systems.base import Choice
-    >>> Choice("unit", ("unknown", "N m", "V"), "unit of drive", "unknown").checked("V", "joint")
-    'V'
-    """
+    """A word of a system's page."""
 
     name: str
     """Its name in the file."""

@@ -166,21 +166,7 @@ class _Share:
 
 
 class HostGradient:
-    """Loss and gradient of batches, for parameters that lie in one flat array.
-
-    Parameters
-    ----------
-    flat : ndarray, shape (n_parameters,)
-        Weights and biases in turn; read at every call.
-    out : ndarray, shape (n_parameters,)
-        Where every call puts the gradient of the batch's mean squared residual.
-    shapes : list of tuple
-        Shapes of weights and biases.
-    activation : str
-        Name of the activation.
-    threads : int, default=1
-        Threads among which the blocks of a batch are shared.
-    """
+    """Loss and gradient of batches, for parameters that lie in one flat array."""
 
     def __init__(
         self, flat: np.ndarray, out: np.ndarray, shapes: Sequence[tuple[int, ...]], activation: str, threads: int = 1

@@ -67,15 +67,7 @@ class TrainingResult:
 
 
 class BestSoFar:
-    """Remember the parameters of a training that are to be kept, and decide when patience ends.
-
-    Parameters
-    ----------
-    patience : int
-        Iterations without a new best after which `stale` turns true.
-    last : bool, default=False
-        Whether the latest parameters are kept, whatever their score; patience then never ends.
-    """
+    """Remember the parameters of a training that are to be kept, and decide when patience ends."""
 
     def __init__(self, patience: int, *, last: bool = False) -> None:
         self.patience = patience

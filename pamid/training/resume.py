@@ -48,15 +48,7 @@ def _feed(digest: Any, part: Any) -> None:
 
 
 class Resumption:
-    """State of one training, in a folder that may hold those of many.
-
-    Parameters
-    ----------
-    folder : path-like
-        Made if it does not exist.
-    name : str
-        `fingerprint` of the training: another training, be it by one sample, is another file.
-    """
+    """State of one training, in a folder that may hold those of many."""
 
     def __init__(self, folder: str | Path, name: str) -> None:
         self.path = Path(folder) / f"{name}.npz"

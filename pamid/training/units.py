@@ -8,14 +8,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class TrainingUnits:
-    """Fixed units of a training.
-
-    Examples
-    --------
-    >>> from pamid.training.units import TrainingUnits
-    >>> TrainingUnits((0.1, 0.1, 1e5, 1e5), {"flow": 2.1542e-5}, 1e-10).targets["flow"]  # a normal litre a minute, kg/s
-    2.1542e-05
-    """
+    """Fixed units of a training."""
 
     inputs: tuple[float, ...]
     """What one of each input is: contraction, its rate (1/s), pressure (Pa, absolute), its rate (Pa/s)."""

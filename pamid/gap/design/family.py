@@ -25,19 +25,7 @@ LEAST_PRESSURE = 1e3
 
 @dataclass(frozen=True)
 class Limits:
-    """What the bench allows.
-
-    Raises
-    ------
-    ParameterError
-        A limit allows no run.
-
-    Examples
-    --------
-    >>> from pamid.gap.design.family import Limits
-    >>> Limits(seconds=6.0, runs=3).each  # s
-    2.0
-    """
+    """What the bench allows."""
 
     seconds: float = 4.0
     """Time of all runs together, s."""
@@ -97,15 +85,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class DesignedRun:
-    """One run of the family.
-
-    Examples
-    --------
-    >>> from pamid.gap.design.family import DesignedRun
-    >>> run = DesignedRun("sine", seconds=2.0, frequency=6.0, amplitude=12.0, offset=5.0)
-    >>> run.trajectory("next-1").n_samples
-    2000
-    """
+    """One run of the family."""
 
     kind: str
     """Of `KINDS`."""

@@ -19,14 +19,7 @@ TELLS = 3.0
 
 @dataclass(frozen=True)
 class Expected:
-    """What is expected for two explanations, the first one true.
-
-    Examples
-    --------
-    >>> from pamid.gap.design.plan import Expected
-    >>> Expected(("leakage",), ("flow_bias",), 40.0, 28.0, 53.0, 1.0, "flow", 1.6).rival
-    ('flow_bias',)
-    """
+    """What is expected for two explanations, the first one true."""
 
     truth: tuple[str, ...]
     rival: tuple[str, ...]
@@ -46,15 +39,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Plan:
-    """What to record next.
-
-    Examples
-    --------
-    >>> from pamid.gap.design.family import Limits
-    >>> from pamid.gap.design.plan import Plan
-    >>> Plan("none", [], Limits(), [], [], [], 0.0, tells=False).runs
-    []
-    """
+    """What to record next."""
 
     purpose: str
     """``"discriminate"``, between explanations; ``"parameters"``, where only one is left; ``"unseen"``, where no

@@ -26,19 +26,7 @@ STILL = 0.3
 
 @dataclass(frozen=True)
 class PortLimits:
-    """What the inputs of a rig allow.
-
-    Raises
-    ------
-    ParameterError
-        A limit allows no run.
-
-    Examples
-    --------
-    >>> from pamid.gap.design.port_family import PortLimits
-    >>> PortLimits({"u": (-2.0, 2.0)}, {"u": 50.0}, 0.01).each  # V, V/s, s
-    10.0
-    """
+    """What the inputs of a rig allow."""
 
     ranges: Mapping[str, tuple[float, float]]
     """Lowest and highest value of each input, in its unit."""

@@ -53,18 +53,7 @@ NOISE = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0), np.array([1.0, 4.0, 1.0]) / 6
 
 
 class Discrimination:
-    """What each run of a simulated log says about each pair of explanations.
-
-    Parameters
-    ----------
-    trial : Evidence
-        The log, one run per designed run.
-    known : sequence of Known
-        The explanations.
-    forms : bool, default=True
-        Whether the forms of explanations may be inexact, at their cost, as the diagnosis allows, and draws of what is
-        true are evaluated exactly; else to first order, as is enough to rank many runs.
-    """
+    """What each run of a simulated log says about each pair of explanations."""
 
     def __init__(self, trial: Evidence, known: Sequence[Known], forms: bool = True) -> None:
         self.trial, self.known, self.m, self.forms = trial, list(known), len(known), forms

@@ -383,14 +383,7 @@ class NextExperiment:
 
 @dataclass(frozen=True)
 class HypothesisFinding:
-    """A set of effects that was fitted to the whole of a log, and what speaks for it.
-
-    Examples
-    --------
-    >>> from pamid.gap.diagnosis.findings import HypothesisFinding
-    >>> HypothesisFinding(("leakage",), gain=812.0, log_likelihood=818.5).effects
-    ('leakage',)
-    """
+    """A set of effects that was fitted to the whole of a log, and what speaks for it."""
 
     effects: tuple[str, ...]
     """The effects."""

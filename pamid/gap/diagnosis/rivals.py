@@ -21,14 +21,7 @@ LEAST_RIVALS = 3
 
 @dataclass(frozen=True)
 class Rival:
-    """One explanation of a log, refitted.
-
-    Examples
-    --------
-    >>> from pamid.gap.diagnosis.rivals import Rival
-    >>> Rival({"leakage": {"conductance": 2e-10}}, {}, score=812.0, belief=0.9).names
-    ('leakage',)
-    """
+    """One explanation of a log, refitted."""
 
     effects: Mapping[str, Mapping[str, float]]
     """Its effects with their values; empty for a simulator that needs none."""

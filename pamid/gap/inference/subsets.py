@@ -59,27 +59,7 @@ class _Alike(NamedTuple):
 
 
 class Subsets:
-    """Sets of effects about a fit.
-
-    Parameters
-    ----------
-    z : array, shape (n_windows,)
-        Residuals at the fit, in units of the noise.
-    fixed : array, shape (n_windows, n_fixed)
-        Columns that every set has: tolerances, and effects already included.
-    lower, upper, precision : array, shape (n_fixed,)
-        Bounds and prior precision of their coefficients.
-    library : sequence of Template
-        Effects at their grid points.
-    cost : mapping of str to float
-        What each effect costs.
-    parts : sequence of slice
-        The windows of each equation.
-    weights : array, shape (n_windows,)
-        Weight of each window.
-    share : array, shape (n_equations,)
-        Weight of a window of each equation in the likelihood.
-    """
+    """Sets of effects about a fit."""
 
     def __init__(
         self,

@@ -15,13 +15,7 @@ from .student_t import form_cost, scale, window_weights
 
 
 class Worth:
-    """The worth of sets of effects on one log.
-
-    Attributes
-    ----------
-    further : float
-        What each effect beyond the first pays, in nats: the logarithm of how many there are to choose from.
-    """
+    """The worth of sets of effects on one log."""
 
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.fitter = evidence, Fitter(evidence)

@@ -20,13 +20,7 @@ UNTURNED = -12.0
 
 
 class Paths(ABC):
-    """The paths along a log that effects at joints, and between two, depend on.
-
-    Attributes
-    ----------
-    links : list of Link
-        Pairs of ports between which effects can act.
-    """
+    """The paths along a log that effects at joints, and between two, depend on."""
 
     log: PortLog
     simulator: Simulator

@@ -51,13 +51,6 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
     start from fitted parameters, where tolerances are so wide that nothing is linear within them.
-
-    Attributes
-    ----------
-    placements : dict of str to Placement
-        Every effect at every port.
-    skews : dict of str to array, shape (n_windows,)
-        What half a step between the clocks of a position and its velocity, or a bend within a step, adds.
     """
 
     exact = False

@@ -32,14 +32,7 @@ MOST_STATES = 12
 
 
 class PredictedEvidence(StretchEvidence):
-    """Predictions over stretches, simulated where needed, else to first order about simulated ones.
-
-    Attributes
-    ----------
-    simulated : float
-        Runs of the simulator so far, each over the length of the log; rates evaluated along a run count by their
-        number.
-    """
+    """Predictions over stretches, simulated where needed, else to first order about simulated ones."""
 
     overlap = 1
 

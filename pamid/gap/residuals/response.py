@@ -32,17 +32,7 @@ _MOST = 1e12
 
 
 class Drive:
-    """Inputs, parameters and forces along a run, under effects and numbers.
-
-    Parameters
-    ----------
-    u, p : array, shape (n_inputs, n), (n_parameters, n)
-        Inputs and parameters under the effects that act on them.
-    active : list of (Placement, Effect)
-        All effects; those that act like forces do so along the states.
-    lines : bool, default=False
-        Whether inputs are interpolated from row to row instead of held.
-    """
+    """Inputs, parameters and forces along a run, under effects and numbers."""
 
     def __init__(self, u: np.ndarray, p: np.ndarray, active: Active, lines: bool = False) -> None:
         self.u, self.p, self.lines = u, p, lines
@@ -50,23 +40,7 @@ class Drive:
 
 
 class Response:
-    """Changes of the states along one run of every stretch.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        Of the form ``"ode"``.
-    log : PortLog
-        The log, which the stretches fill.
-    firsts : array of int, shape (n_stretches,)
-        First row of each stretch.
-    states : array, shape (n_states, n)
-        The states along them.
-    drive : Drive
-        Their drive.
-    joints : sequence of JointPort
-        Joints: those without a position have a path.
-    """
+    """Changes of the states along one run of every stretch."""
 
     def __init__(
         self, simulator: Simulator, log: PortLog, firsts: np.ndarray, states: np.ndarray, drive: Drive,

@@ -33,13 +33,7 @@ the same causes come of half and of twice as much (``benchmarks/settings.py --co
 
 
 class Tolerances(ABC):
-    """Sensitivities of residuals to a simulator's free parameters.
-
-    Attributes
-    ----------
-    curved : bool
-        Whether tolerances are so wide that sensitivities vary within them.
-    """
+    """Sensitivities of residuals to a simulator's free parameters."""
 
     simulator: Simulator
     free: list[str]

@@ -25,15 +25,7 @@ _SHARES = np.arange(PIECES + 1) / PIECES
 
 
 class CutSteps:
-    """The rows of a log with further instants where a path turns between two of them.
-
-    Parameters
-    ----------
-    path, velocity : array, shape (n_rows,)
-        The path, and its speed, which says when it turns.
-    log : PortLog
-        The log.
-    """
+    """The rows of a log with further instants where a path turns between two of them."""
 
     def __init__(self, path: np.ndarray, velocity: np.ndarray, log: PortLog) -> None:
         self.log, self._bend = log, 0.5 * log.dt * (after(velocity[None], log)[0] - velocity)
@@ -80,21 +72,7 @@ def lines(f: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def force_at_both_ends(
     place: Placement, made: Effect, found: Signals, speed: str, derived: Mapping[str, str], log: PortLog
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the force of an effect at the rows, and at both ends of each step.
-
-    Parameters
-    ----------
-    place, made : Placement, Effect
-        Where the effect acts, and the effect.
-    found : mapping of str to array of shape (n_rows,)
-        The signals of the log by name.
-    speed : str
-        The speed of the path that the effect follows, empty if there is none.
-    derived : mapping of str to str
-        Velocities that follow from positions, by them.
-    log : PortLog
-        The log.
-    """
+    """Return the force of an effect at the rows, and at both ends of each step."""
     step = log.dt * place.scales.time
     if made.path_dependent and speed in found:
         path = place.follows["position"]

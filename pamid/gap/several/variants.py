@@ -22,19 +22,7 @@ def odds_of_change(borders: int) -> float:
 
 
 class Variants:
-    """The library with effects that act from one log on, or up to one.
-
-    Parameters
-    ----------
-    library : sequence of str
-        Effects that may be causes.
-    known : mapping of str to class
-        The effects of the library.
-    logs : sequence of str
-        Names of the logs, in the order in which they were recorded.
-    days : sequence of str
-        The day of each: within a day nothing changes.
-    """
+    """The library with effects that act from one log on, or up to one."""
 
     def __init__(
         self, library: Sequence[str], known: Mapping[str, type[Effect]], logs: Sequence[str], days: Sequence[str]
