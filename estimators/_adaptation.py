@@ -395,6 +395,17 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         """
         return self.fit(X, y, sample_weight, groups).transform(X)
 
+    @classmethod
+    def _tiny(cls, **settings: Any) -> Self:
+        """Return an adapter of a small source, for the checks that all estimators pass."""
+        from ._tiny_source import tiny_source
+
+        return cls(tiny_source(), signals=dict.fromkeys(STATE_SIGNALS, 0), **settings)
+
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
+        return [cls._tiny(max_iter=5)]
+
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
         """Name the columns that `transform` returns.
 

@@ -10,7 +10,6 @@ from sklearn.utils.validation import check_is_fitted
 
 from ._base import SignalRegressor
 from ._checks import check_sizes
-from ._classical import warn_of_still_signals
 from ._linear import LinearTerms
 from ._trajectories import trajectory_codes
 
@@ -40,9 +39,6 @@ class BalanceRegressor(LinearTerms, SignalRegressor):
 
     def _signals_of(self, X: np.ndarray) -> Any:
         return self._state(*(self._signal(X, name) for name in self.reads))
-
-    def _warn_of_still(self, state: Any) -> None:
-        warn_of_still_signals(state, self.reads, type(self).__name__)
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict the force or drive.

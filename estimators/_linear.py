@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from pamid.fitting.least_squares import cluster_covariance, compress, solve
+
+from ._classical import warn_of_still_signals
 
 CHUNK = 65_536
 """Rows compressed at a time: memory stays flat however long the log."""
@@ -40,8 +42,8 @@ class LinearTerms:
     # --- what a subclass gives --------------------------------------------------------------------------------
     _training: Any
     """Method that validates what a fit is given: a tuple of signals, target, weights, clusters."""
-    _warn_of_still: Any
-    """Method that warns, before a fit, of signals that do not vary."""
+    reads: ClassVar[Any]
+    """Names of the signals that it reads."""
 
     def _terms(self) -> dict[str, str]:
         """Return the name and unit of each coefficient."""
@@ -66,7 +68,7 @@ class LinearTerms:
             run are then taken as dependent.
         """
         state, y, weight, clusters = self._training(X, y, sample_weight, groups)
-        self._warn_of_still(state)
+        warn_of_still_signals(state, self.reads, type(self).__name__)
         self._start_over()
         self._take_in(state, y, weight)
         if clusters is not None:

@@ -36,6 +36,17 @@ class FreeRun(NamedTuple):
     extrapolated: np.ndarray
     """Samples whose inputs lie outside the range of the fit, shape (n_samples,)."""
 
+    def told(self, model: str, outputs: str) -> np.ndarray:
+        """Return the outputs that a model predicts, and warn where the run had to be held."""
+        if self.held.any():
+            warnings.warn(
+                f"{model} left the {outputs} of the fit at {int(self.held.sum())} of {len(self.y)} rows. "
+                "Expected a free run within them. It was held at their edge; simulate() tells where.",
+                UnstableRunWarning,
+                stacklevel=4,
+            )
+        return self.y
+
 
 @parameters
 class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor):
@@ -206,15 +217,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         ndarray, shape (n_samples,)
             Output, in the unit of y.
         """
-        run = self.simulate(X, groups=groups)
-        if run.held.any():
-            warnings.warn(
-                f"{type(self).__name__} left the outputs of the fit at {int(run.held.sum())} of {len(run.y)} rows. "
-                "Expected a free run within them. It was held at their edge; simulate() tells where.",
-                UnstableRunWarning,
-                stacklevel=3,
-            )
-        return run.y
+        return self.simulate(X, groups=groups).told(type(self).__name__, "outputs")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
         """Simulate each run freely.

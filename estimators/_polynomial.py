@@ -10,7 +10,7 @@ from pamid.errors import ParameterError
 from pamid.signals.state import State
 from pamid.volume import VolumeJet
 
-from ._classical import ClassicalRegressor, warn_of_still_signals
+from ._classical import ClassicalRegressor
 from ._linear import LinearTerms
 
 
@@ -25,9 +25,6 @@ class PolynomialRegressor(LinearTerms, ClassicalRegressor):
         """Return what each coefficient multiplies in the prediction."""
         (law,) = self.laws()
         return [law.predict(*jet, state) for jet in self._basis(state)]
-
-    def _warn_of_still(self, state: State) -> None:
-        warn_of_still_signals(state, self.reads, type(self).__name__)
 
     def _jet(self, state: State) -> VolumeJet:
         basis = self._basis(state)

@@ -7,7 +7,6 @@ from typing import Any
 
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
-from ._tiny_source import tiny_source
 
 
 @parameters
@@ -50,8 +49,3 @@ class FullFineTuning(AdaptedModel):
         from pamid.adapters.fine_tuning import FineTuning
 
         return FineTuning()
-
-    @classmethod
-    def _checked_instances(cls) -> list[FullFineTuning]:
-        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
-        return [cls(tiny_source(), signals=one, max_iter=5)]

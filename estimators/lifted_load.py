@@ -12,7 +12,7 @@ from sklearn.base import clone
 from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
 
 from pamid.constants import GRAVITY
-from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError, UnstableRunWarning
+from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError
 from pamid.requirements import check_reads, parameter_count
 from pamid.signals.state import State
 
@@ -197,15 +197,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
         ndarray, shape (n_samples,)
             Contraction ratio.
         """
-        run = self.simulate(X, groups=groups)
-        if run.held.any():
-            warnings.warn(
-                f"LiftedLoad left the contractions of the fit at {int(run.held.sum())} of {len(run.y)} rows. Expected "
-                "a free run within them. It was held at their edge; simulate() tells where.",
-                UnstableRunWarning,
-                stacklevel=3,
-            )
-        return run.y
+        return self.simulate(X, groups=groups).told(type(self).__name__, "contractions")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
         """Simulate all runs freely, side by side.

@@ -8,7 +8,6 @@ from typing import Any
 
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
-from ._tiny_source import tiny_source
 
 
 @parameters
@@ -54,8 +53,3 @@ class PartialFineTuning(AdaptedModel):
         from pamid.adapters.fine_tuning import FineTuning
 
         return FineTuning(tuple(self.layers))
-
-    @classmethod
-    def _checked_instances(cls) -> list[PartialFineTuning]:
-        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
-        return [cls(tiny_source(), signals=one, max_iter=5)]

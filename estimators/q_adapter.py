@@ -15,7 +15,6 @@ from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
 from ._source import hybrid_of
-from ._tiny_source import tiny_source
 
 FAR_SIGMAS = 3.0
 """Standard uncertainties between the factor by geometry and the one by the data that are worth a warning."""
@@ -207,10 +206,8 @@ class QAdapter(AdaptedModel):
 
     @classmethod
     def _checked_instances(cls) -> list[QAdapter]:
-        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
-        common: dict[str, Any] = {"signals": one, "max_iter": 5}
         return [
-            cls(tiny_source(), 4.0, **common),
-            cls(tiny_source(), rest_diameter=0.02, base="frozen", **common),
-            cls(tiny_source(), 2.0, trainer="adam", **common),
+            cls._tiny(initial=4.0, max_iter=5),
+            cls._tiny(rest_diameter=0.02, base="frozen", max_iter=5),
+            cls._tiny(initial=2.0, trainer="adam", max_iter=5),
         ]

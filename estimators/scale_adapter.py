@@ -16,7 +16,6 @@ from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
 from ._source import hybrid_of
-from ._tiny_source import tiny_source
 
 SCALES = ("length", "diameter", "dead_volume")
 
@@ -262,5 +261,4 @@ class ScaleAdapter(AdaptedModel):
 
     @classmethod
     def _checked_instances(cls) -> list[ScaleAdapter]:
-        one = dict.fromkeys(("eps", "deps", "P", "dP"), 0)
-        return [cls(tiny_source(), signals=one), cls(tiny_source(), base="full", signals=one, max_iter=5)]
+        return [cls._tiny(), cls._tiny(base="full", max_iter=5)]
