@@ -1,9 +1,10 @@
-"""What the docstrings of effects share: sources that several of them cite, and an example that makes one."""
+"""What the docstrings of effects share: parameters, sources that several cite, and an example."""
 
 from __future__ import annotations
 
-import inspect
 from typing import Any
+
+from ..explained import Docstring
 
 SHARED = """
 B. Armstrong-Hélouvry, P. Dupont, C. Canudas de Wit, "A survey of models, analysis tools and compensation methods for
@@ -39,17 +40,17 @@ https://doi.org/10.1007/978-3-642-73602-5
 R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/3-540-30368-5
 """
 """Sources, one a paragraph."""
+_UNITS = {"-": "dimensionless", "m^3": "m³", "m^3/(s Pa)": "m³/(s Pa)", "N s^2": "N s²"}
+"""How units are written for a reader."""
 
 
 def explain(effect: type[Any]) -> None:
-    """Complete the docstring of an effect of the library: the source that it names, and an example."""
-    doc = inspect.cleandoc(effect.__doc__ or "")
-    cited = [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]
-    if cited and "\nReferences\n" not in doc:
-        head, title, rest = doc.partition("\n\nExamples\n")
-        doc = f"{head}\n\nReferences\n----------\n{cited[0]}{title}{rest}"
-    if "\nExamples\n" not in doc:
-        p = effect.parameters[0]
-        doc += "\n\nExamples\n--------\n>>> from pamid.effects import make_effect\n"
-        doc += f'>>> make_effect("{effect.name}", {p.name}={p.nominal:g})\n{effect()!r}'
-    effect.__doc__ = doc
+    """Complete the docstring of an effect of the library: parameters, the source that it names, and an example."""
+    doc, p = Docstring(effect.__doc__), effect.parameters[0]
+    said = [f"``{q.name}`` {q.description} ({_UNITS.get(q.unit, q.unit)})" for q in effect.parameters]
+    doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(said)}.")
+    if cited := [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]:
+        doc.sections.setdefault("References", cited[0])
+    example = f'>>> make_effect("{effect.name}", {p.name}={p.nominal:g})\n{effect()!r}'
+    doc.sections.setdefault("Examples", f">>> from pamid.effects import make_effect\n{example}")
+    effect.__doc__ = str(doc)

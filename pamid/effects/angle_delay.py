@@ -10,11 +10,6 @@ class AngleDelay(OfAngle, Delay):
     r"""An encoder whose readings come late.
 
     .. math:: q'(t) = q(t - d)
-
-    Parameters
-    ----------
-    **values : float
-        ``delay`` age of the reading (s).
     """
 
     name = "angle_delay"

@@ -9,11 +9,6 @@ class AngleGain(OfAngle, Gain):
     r"""An encoder with a wrong scale.
 
     .. math:: q' = (1 + \delta)\,q
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` relative deviation of the reading (dimensionless).
     """
 
     name = "angle_gain"

@@ -7,13 +7,7 @@ from .values import Parameter
 
 
 class BraidAngle(Deviation):
-    r"""A braid wound at another angle. θ₀ → θ₀ (1 + δ).
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` δ (dimensionless).
-    """
+    r"""A braid wound at another angle. θ₀ → θ₀ (1 + δ)."""
 
     name = "braid_angle"
     family = "geometry"

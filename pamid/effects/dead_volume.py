@@ -12,11 +12,6 @@ class DeadVolume(Effect):
     r"""Fittings and tube that fill with the muscle but do no work.
 
     .. math:: \Delta\dot m = \frac{V_d\,\dot P}{\gamma R T}
-
-    Parameters
-    ----------
-    **values : float
-        ``volume`` V_d (m³).
     """
 
     name = "dead_volume"

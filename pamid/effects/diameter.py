@@ -7,13 +7,7 @@ from .values import Parameter
 
 
 class Diameter(Deviation):
-    r"""A muscle thicker or thinner than its drawing. D₀ → D₀ (1 + δ).
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` δ (dimensionless).
-    """
+    r"""A muscle thicker or thinner than its drawing. D₀ → D₀ (1 + δ)."""
 
     name = "diameter"
     family = "geometry"

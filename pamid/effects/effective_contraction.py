@@ -17,11 +17,6 @@ class EffectiveContraction(EndCap):
     Stiff fittings make k larger than 1; a braid that lengthens, or fittings that yield, smaller. The gas volume changes
     as in `EndCap` with s = 1.
 
-    Parameters
-    ----------
-    **values : float
-        ``factor`` k (dimensionless).
-
     References
     ----------
     B. Tondu, P. Lopez, "Modeling and control of McKibben artificial muscle robot actuators", IEEE Control Systems

@@ -10,11 +10,6 @@ class FlowBias(OfFlow, Bias):
     r"""A flow meter with an offset.
 
     .. math:: \dot m' = \dot m + \dot m_0
-
-    Parameters
-    ----------
-    **values : float
-        ``offset`` offset of the reading (kg/s).
     """
 
     name = "flow_bias"

@@ -10,11 +10,6 @@ class ForceBias(OfForce, Bias):
     r"""A load cell with an offset.
 
     .. math:: F' = F + F_0
-
-    Parameters
-    ----------
-    **values : float
-        ``offset`` offset of the reading (N).
     """
 
     name = "force_bias"

@@ -9,11 +9,6 @@ class ForceGain(OfForce, Gain):
     r"""A load cell with a wrong sensitivity.
 
     .. math:: F' = (1 + \delta)\,F
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` relative deviation of the reading (dimensionless).
     """
 
     name = "force_gain"

@@ -7,13 +7,7 @@ from .values import Parameter
 
 
 class Inertia(Deviation):
-    r"""Inertia of the load that differs from the assumed one. J → J (1 + δ).
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` δ (dimensionless).
-    """
+    r"""Inertia of the load that differs from the assumed one. J → J (1 + δ)."""
 
     name = "inertia"
     family = "load"

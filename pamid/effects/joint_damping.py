@@ -9,13 +9,7 @@ from .values import Parameter
 
 
 class JointDamping(Effect):
-    r"""Damping of the joint that differs from the assumed one: b_q → b_q + Δb.
-
-    Parameters
-    ----------
-    **values : float
-        ``difference`` Δb (N m s/rad).
-    """
+    r"""Damping of the joint that differs from the assumed one: b_q → b_q + Δb."""
 
     name = "joint_damping"
     family = "load"

@@ -13,11 +13,6 @@ class Leakage(Effect):
     r"""Flow out of the muscle into the surroundings through a small orifice.
 
     .. math:: \Delta\dot m = C_\ell\,\rho_0\,P\,\psi(P_\mathrm{atm}/P)
-
-    Parameters
-    ----------
-    **values : float
-        ``conductance`` C_ℓ (m³/(s Pa)).
     """
 
     name = "leakage"

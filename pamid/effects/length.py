@@ -7,13 +7,7 @@ from .values import Parameter
 
 
 class Length(Deviation):
-    r"""A muscle longer or shorter than its drawing. L₀ → L₀ (1 + δ).
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` δ (dimensionless).
-    """
+    r"""A muscle longer or shorter than its drawing. L₀ → L₀ (1 + δ)."""
 
     name = "length"
     family = "geometry"

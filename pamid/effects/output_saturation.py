@@ -13,11 +13,6 @@ class OutputSaturation(Effect):
     r"""The delivered force, or a reading, saturates at a limit.
 
     .. math:: y' = \max(-y_s, \min(y_s, y))
-
-    Parameters
-    ----------
-    **values : float
-        ``limit`` y_s (N).
     """
 
     name = "output_saturation"

@@ -10,11 +10,6 @@ class PressureBias(OfPressure, Bias):
     r"""A pressure sensor with an offset.
 
     .. math:: P' = P + P_0
-
-    Parameters
-    ----------
-    **values : float
-        ``offset`` offset of the reading (Pa).
     """
 
     name = "pressure_bias"

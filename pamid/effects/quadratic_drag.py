@@ -15,11 +15,6 @@ class QuadraticDrag(Effect):
 
     .. math:: \Delta F = -c\,|\dot x|\,\dot x
 
-    Parameters
-    ----------
-    **values : float
-        ``coefficient`` c (N s²).
-
     References
     ----------
     G. K. Batchelor, "An Introduction to Fluid Dynamics", Cambridge University Press, 2000.

@@ -14,11 +14,6 @@ class Quantisation(Effect):
 
     .. math:: y' = d\,\mathrm{round}(y / d)
 
-    Parameters
-    ----------
-    **values : float
-        ``resolution`` d (N).
-
     References
     ----------
     B. Widrow, I. Kollár, "Quantization Noise", Cambridge University Press, 2008.

@@ -16,11 +16,6 @@ class Rectification(Effect):
 
     With s = 1 the magnitude is read, with s = 1/2 negative values read zero.
 
-    Parameters
-    ----------
-    **values : float
-        ``share`` s, how much of the sign is lost (dimensionless).
-
     References
     ----------
     T. Wigren, M. Schoukens, "Coupled Electric Drives Data Set and Reference Models", technical report 2017-024,

@@ -18,11 +18,6 @@ class SlewRate(Effect):
 
     .. math:: \dot u' = r\,\operatorname{sgn}(u - u')
 
-    Parameters
-    ----------
-    **values : float
-        ``rate`` r (full commands per second, 1/s).
-
     References
     ----------
     G. Stein, "Respect the unstable", IEEE Control Systems Magazine 23(4), 2003.

@@ -15,11 +15,6 @@ class ThreadExtensibility(Effect):
         \varepsilon} - \frac{\partial V(b_0)}{\partial\varepsilon}\right) = -p\,\frac{b^2 - b_0^2}{4\pi n^2}
 
     with the gauge pressure p; the flow gains :math:`\Delta V\,\dot P/(\gamma R T) + P\,\Delta\dot V/(R T)`.
-
-    Parameters
-    ----------
-    **values : float
-        ``compliance`` κ (1/Pa).
     """
 
     name = "thread_extensibility"

@@ -20,11 +20,6 @@ class TransportDelay(Effect):
 
     The command is held over a control period; a delay of a part of a period passes the mean of the two commands that
     share the period.
-
-    Parameters
-    ----------
-    **values : float
-        ``delay`` d (s).
     """
 
     name = "transport_delay"

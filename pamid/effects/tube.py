@@ -17,11 +17,6 @@ class Tube(Effect):
     .. math:: P' = P + \tau\,\dot P, \qquad \tau = R\,C
 
     with the pressure P in the chamber and the reading P'.
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ (s), resistance (Pa s/kg) times capacity (kg/Pa).
     """
 
     name = "tube"

@@ -14,11 +14,6 @@ class ValveSaturation(Effect):
     r"""A stop before full opening.
 
     .. math:: u' = \max(-u_s, \min(u_s, u))
-
-    Parameters
-    ----------
-    **values : float
-        ``limit`` u_s (dimensionless).
     """
 
     name = "valve_saturation"

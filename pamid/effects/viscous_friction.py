@@ -13,11 +13,6 @@ class ViscousFriction(Effect):
 
     .. math:: \Delta F = -c\,\dot x
 
-    Parameters
-    ----------
-    **values : float
-        ``coefficient`` c (N s).
-
     References
     ----------
     D. B. Reynolds et al., "Modeling the dynamic characteristics of pneumatic muscle", Annals of Biomedical
