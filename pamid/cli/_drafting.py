@@ -146,9 +146,7 @@ def ask_for_units(draft: Draft, ask: Asker) -> None:
     for guess in [g for g in draft.guesses if g.signal and (g.question or not g.sure)]:
         shown = f"{guess.signal} (column {guess.column}) goes from {guess.low:.4g} to {guess.high:.4g}. Unit?"
         if guess.question:
-            shown = (
-                f"{guess.question[:1].upper()}{guess.question[1:]}. Unit of column {guess.column} as {guess.signal}?"
-            )
+            shown = f"{sentence(guess.question)}. Unit of column {guess.column} as {guess.signal}?"
 
         def usable(answer: str, guess: Any = guess) -> None:
             unit, _, reference = (

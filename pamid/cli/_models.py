@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from ..errors import PamidError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -40,10 +43,9 @@ def first_run(draft: Draft) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the times of the first run, s, and its columns of numbers, clock and names of runs aside."""
     import numpy as np
 
-    from ..signals._tidy import sampling_period
-    from ..signals.stamps import seconds_of_stamps
+    from ..signals._tidy import numbers_of, sampling_period, to_si
+    from ..signals.mapping import SignalMapping
     from ..signals.unit_names import parse_quantity
-    from ..signals.units import UNITS
 
     def numbers(column: str | int) -> np.ndarray | None:
         try:
@@ -55,14 +57,13 @@ def first_run(draft: Draft) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         return np.zeros(0), {}
     named = [g.column for g in draft.guesses if g.signal not in ("time", "trajectory")]
     found = {str(name): x for name in named if (x := numbers(name)) is not None and x.ndim == 1}
-    clock = draft.of("time")
-    period = draft.settings.get("sampling_period")
+    period, frame = draft.settings.get("sampling_period"), draft.table.frame
     known, _ = sampling_period(draft.table, parse_quantity(period, "time") if period else None)
-    t = np.arange(len(draft.table.frame)) * (known or 1.0)
-    if clock is not None and (ticks := numbers(clock.column)) is not None:
-        t = ticks * (UNITS[clock.unit].factor if clock.unit in UNITS else 1.0)
-    elif clock is not None and (stamps := seconds_of_stamps(draft.table.frame[clock.column])) is not None:
-        t = stamps
+    t = np.arange(len(frame)) * (known or 1.0)
+    if (clock := draft.of("time")) is not None:
+        with contextlib.suppress(PamidError):  # reported where the log is read
+            how = SignalMapping.from_value("time", clock.settings())
+            t = to_si(numbers_of(frame[clock.column], "time", draft.paths[0]), "time", how, {}, 0.0, draft.paths[0])
     ends = np.flatnonzero(np.diff(t) <= 0.0)
     end = int(ends[0]) + 1 if len(ends) else len(t)
     return t[:end], {name: x[:end] for name, x in found.items()}

@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ..errors import ShortTrajectoryError, UnknownOptionError
-from .common import any_simulator_of, load_log, page_numbers, page_of
+from .common import any_simulator_of, load_log
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,13 +44,9 @@ def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
 
 
 def _of_model(args: argparse.Namespace) -> dict[str, Left]:
-    from ..persistence import inspect, load
-    from ._tables import equation_of, predict_table, signal_table
+    from ._tables import opened, predict_table, signal_table
 
-    head, model = inspect(args.model), load(args.model)
-    equation = equation_of(model, args.equation or head["metadata"].get("equation"))
-    page = page_of(args) if args.sim else None
-    page_numbers(page, kinds=equation.kinds)
+    _, model, equation, page = opened(args)
     signals = signal_table(load_log(args, nan="drop"), page, equation)
     error = signals[equation.column].to_numpy(dtype=float) - predict_table(model, signals)
     read = [n for n in getattr(model, "feature_names_in_", ("eps", "P")) if n in signals and n != "trajectory"]

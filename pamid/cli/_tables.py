@@ -18,8 +18,11 @@ from ..errors import (
 )
 from ..requirements import WithLaws, last_step, reads_of
 from ..signals.unit_names import parse_quantity
+from .common import page_numbers, page_of
 
 if TYPE_CHECKING:
+    import argparse
+
     import numpy as np
     import pandas as pd
 
@@ -184,6 +187,17 @@ def _setting_of(name: str, settings: dict[str, Any], known: dict[str, Any]) -> t
             f"Correct the name, or use --estimator {kind} with --set.",
         )
     return kind, own[setting.removesuffix(")")] | settings
+
+
+def opened(args: argparse.Namespace) -> tuple[dict[str, Any], Any, Target, Any]:
+    """Return what a model file says of itself, the model, what it predicts, and the simulator file, if one is given."""
+    from .. import persistence
+
+    head, model = persistence.inspect(args.model), persistence.load(args.model)
+    target = equation_of(model, args.equation or head["metadata"].get("equation"))
+    page = page_of(args) if args.sim else None
+    page_numbers(page, kinds=target.kinds)
+    return head, model, target, page
 
 
 def needed_signals(estimator: Any) -> list[str]:

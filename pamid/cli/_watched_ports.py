@@ -7,11 +7,14 @@ import json
 from collections.abc import Callable, Iterator
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
 from .common import note, own_columns
+
+if TYPE_CHECKING:
+    from ..online.stream import Samples
 
 
 def events_at_ports(
@@ -40,10 +43,7 @@ def events_at_ports(
     healthy: list[pd.DataFrame] = []
     run, count, found, watched, told, learnt = 0, 0, 0, 0, 0, False
     for begins, block in _blocks(source, samples):
-        if samples.problems["malformed"] > told:
-            told = samples.problems["malformed"]
-            if told <= 3:
-                note(args, f"warning: line left out, {samples.last_problem}")
+        told = note_left_out(args, samples, told)
         run, count = run + begins, count + len(block["time"])
         if begins and learnt:
             yield {"event": "run", "time": float(block["time"][0])}
@@ -81,6 +81,13 @@ def events_at_ports(
             f"more than {args.learn:g} s of samples, in lines of JSON, with time and {wanted}",
             "Correct the stream, or learn for less time with --learn.",
         )
+
+
+def note_left_out(args: argparse.Namespace, samples: Samples, told: int) -> int:
+    """Note the first lines that are no samples, of which some are told already; return how many there are."""
+    if told < (found := samples.problems["malformed"]) <= 3:
+        note(args, f"warning: line left out, {samples.last_problem}")
+    return found
 
 
 def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:

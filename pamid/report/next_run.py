@@ -7,7 +7,7 @@ import math
 from ..gap.design.plan import AS_IT_IS, TELLS, Plan
 from ..gap.settings import MATERIAL
 from . import causes
-from .quantities import parameter
+from .quantities import capital, parameter
 
 
 def summary(plan: Plan) -> str:
@@ -61,8 +61,7 @@ def outcomes(plan: Plan) -> list[str]:
         )
     for one, other in plan.alike:
         found.append(
-            f"{_capital(named(one))} and {named(other)} would stay one class: no run within the limits tells them "
-            "apart."
+            f"{capital(named(one))} and {named(other)} would stay one class: no run within the limits tells them apart."
         )
     if plan.runs and plan.expected:
         found.append(
@@ -105,7 +104,3 @@ def parameter_named(name: str) -> str:
     """Return a parameter of an effect as words."""
     effect, _, own = name.rpartition(".")
     return f"{named((effect,))}: {parameter(own)}"
-
-
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]

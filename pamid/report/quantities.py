@@ -52,6 +52,11 @@ SIGNALS = {
 """Signals of a log and what follows from them."""
 
 
+def capital(text: str) -> str:
+    """Return a text that begins with a capital letter."""
+    return text[:1].upper() + text[1:]
+
+
 _RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 _POWER = re.compile(r"(?<=\d)e([+-]?)0*(\d+)")
 

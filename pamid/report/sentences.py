@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .causes import cause_names, causes_listed, either, size
 from .doubts import question
-from .quantities import NOT_EFFECTS, amount, at_least, effect, listed, percent, probability, run_named, share_span
+from .quantities import (
+    NOT_EFFECTS,
+    amount,
+    at_least,
+    capital,
+    effect,
+    listed,
+    percent,
+    probability,
+    run_named,
+    share_span,
+)
 from .words import BENCH, Words
 
 if TYPE_CHECKING:
@@ -168,7 +179,7 @@ def where(d: Diagnosis) -> str:
             break
     first = told[0].equation
     if len(told) == 1:
-        text = f"{_capital(percent(told[0].share))} of the gap is {words.in_equation(first)}"
+        text = f"{capital(percent(told[0].share))} of the gap is {words.in_equation(first)}"
     else:
         parts = [f"{words.equation(e.equation)} ({percent(e.share)})" for e in told]
         bench = words.in_equation(first).endswith(" equation")
@@ -201,7 +212,7 @@ def _left_out(d: Diagnosis) -> str:
     together = [e for e in tested if set(e.combines) & set(d.not_tested)]
     combined = {name for e in together for name in e.combines}
     text = "".join(
-        f" {_capital(listed(list(e.combines)))} were tested together, since the log lacks "
+        f" {capital(listed(list(e.combines)))} were tested together, since the log lacks "
         f"a {BENCH.signal(e.without).words} of each muscle."
         for e in together
     )
@@ -324,7 +335,7 @@ def which(d: Diagnosis) -> str:
         text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
         return f"{text} Size: {names[0]} {told}." if (told := size(cause, words)) else text
     told = size(cause, words, full=True)
-    return f"{_capital(names[0])}, {place} ({certain}){f': {told}' if told else ''}."
+    return f"{capital(names[0])}, {place} ({certain}){f': {told}' if told else ''}."
 
 
 def _one_a_line(d: Diagnosis) -> str:
@@ -333,10 +344,10 @@ def _one_a_line(d: Diagnosis) -> str:
     for c in main:
         names = cause_names(c, words)
         rest = f", or {listed(names[1:], 'or')}" if len(names) > 1 else ""
-        told = f"{_capital(names[0])} {size(c, words)}".rstrip()
+        told = f"{capital(names[0])} {size(c, words)}".rstrip()
         lines.append(f"{told}{rest}: {percent(c.share)} of the gap, {words.in_equation(c.equation)}.")
     small = [cause_names(c, words)[0] for c in d.causes if c not in main]
-    lines += [f"{_capital(listed(small))}: under 2 % of the gap{' each' * (len(small) > 1)}."] if small else []
+    lines += [f"{capital(listed(small))}: under 2 % of the gap{' each' * (len(small) > 1)}."] if small else []
     return "\n".join([*lines, f"Confidence {at_least(min(c.confidence for c in main))}{' in each' * (len(main) > 1)}."])
 
 
@@ -463,7 +474,7 @@ def _motions(run: Mapping[str, Any]) -> list[str]:
 
 def experiment_reason(e: NextExperiment) -> str:
     """Return why this run, as a sentence."""
-    return _sentence_end(_capital(e.reason)) if e.reason else ""
+    return _sentence_end(capital(e.reason)) if e.reason else ""
 
 
 def experiment_option(e: NextExperiment) -> str:
@@ -477,11 +488,6 @@ def experiment_option(e: NextExperiment) -> str:
 
 def _plain(value: Any) -> str:
     return f"{value:g}" if isinstance(value, (int, float)) and not isinstance(value, bool) else str(value)
-
-
-# --- words --------------------------------------------------------------------------------------------------
-def _capital(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _sentence_end(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from .quantities import amount, effect, parameter
+from .quantities import amount, capital, effect, parameter
 
 if TYPE_CHECKING:
     from ..gap.several.result import Change
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 def changed(change: Change) -> str:
     """Return how a cause changed between logs, as a sentence."""
     name = f"{effect(change.effect)} at {change.where}" if change.where else effect(change.effect)
-    name = name[:1].upper() + name[1:]
+    name = capital(name)
     what = parameter(change.parameter)
     values = [amount(v, change.unit) for v in (change.before, change.after) if math.isfinite(v)]
     said = {

@@ -76,7 +76,7 @@ def tidy(
     unchecked: set[str] = set()
     for signal, how in signals.items():
         position = _position(raw, how.column if how.column is not None else signal, signal, path, own)
-        values = _numeric(raw.iloc[:, position], signal, path)
+        values = numbers_of(raw.iloc[:, position], signal, path)
         if how.allowed is not None:
             keep &= np.isin(values, how.allowed)
         if how.range is not None:
@@ -201,7 +201,8 @@ def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own
     return int(column)
 
 
-def _numeric(column: pd.Series, signal: str, path: Path) -> np.ndarray:
+def numbers_of(column: pd.Series, signal: str, path: Path) -> np.ndarray:
+    """Return the values of a signal's column; of a clock also stamps of date and time, as seconds."""
     import pandas as pd
 
     if signal == "time" and pd.api.types.is_timedelta64_dtype(column):

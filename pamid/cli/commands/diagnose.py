@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import shutil
-import textwrap
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -19,7 +17,18 @@ from .._drafting import quoted, show_commands
 from .._progress import progress
 from .._several import HISTORY, add_options, diagnosed, judged_after, simulator_before
 from .._simulators import add_trust_option
-from ..common import DONE, UNTESTED, add_command, add_log_options, any_simulator_of, note, number, print_json, table
+from ..common import (
+    DONE,
+    UNTESTED,
+    add_command,
+    add_log_options,
+    any_simulator_of,
+    note,
+    number,
+    print_json,
+    table,
+    wrapped,
+)
 from ..rows import add_where
 
 if TYPE_CHECKING:
@@ -132,13 +141,13 @@ def run(args: argparse.Namespace) -> int:
         return DONE if d.tested else UNTESTED
     if opinion is not None:
         for text in opinion.sentences():
-            print(_paragraph("after", text))
+            print(wrapped("after", text))
         print()
     told = answers(d)
     print(f"{told.verdict}\n")
     for word, text in (("where", told.where), ("which", told.which), ("how far", told.how_far)):
         for place, line in enumerate(text.splitlines()):
-            print(_paragraph("" if place else word, line))
+            print(wrapped("" if place else word, line))
     if d.candidates:
         print(f"\n{_ranking(d)}")
     _print_notes(d)
@@ -283,11 +292,4 @@ def _print_notes(d: Diagnosis) -> None:
     if lines:
         print()
     for word, text in lines:
-        print(_paragraph(word, text))
-
-
-def _paragraph(word: str, text: str) -> str:
-    """Return a text with a word before it, wrapped to the terminal; control characters of a log's names left out."""
-    clean = "".join(c if c.isprintable() else " " for c in text)
-    width = max(40, min(shutil.get_terminal_size((110, 24)).columns, 120))
-    return textwrap.fill(clean, width, initial_indent=f"{word:<9}", subsequent_indent=" " * 9)
+        print(wrapped(word, text))

@@ -18,8 +18,6 @@ from ..common import (
     load_pieces,
     note,
     number,
-    page_numbers,
-    page_of,
     print_json,
     table,
 )
@@ -148,14 +146,9 @@ def _tell(result: LogEvaluation) -> None:
 
 
 def _evaluate_model(args: argparse.Namespace) -> int:
-    from ...persistence import inspect, load
-    from .._tables import Scores, equation_of, predict_table, signal_table
+    from .._tables import Scores, opened, predict_table, signal_table
 
-    head = inspect(args.model)
-    model = load(args.model)
-    equation = equation_of(model, args.equation or head["metadata"].get("equation"))
-    page = page_of(args) if args.sim else None
-    page_numbers(page, kinds=equation.kinds)
+    head, model, equation, page = opened(args)
     scores_ = Scores(equation)
     pieces = [load_log(args, nan="drop")] if args.piece_rows is None else load_pieces(args, args.piece_rows, nan="drop")
     with progress(args, "Predicting") as step:

@@ -14,8 +14,8 @@ from ...errors import IncompatibleError, ParameterError, StreamError
 from ...json_data import json_ready
 from ...requirements import last_step
 from .._simulators import add_trust_option
-from .._watched_ports import events_at_ports
-from ..common import add_command, note
+from .._watched_ports import events_at_ports, note_left_out
+from ..common import add_command
 
 if TYPE_CHECKING:
     from ...bench.parameters import BenchParameters
@@ -127,10 +127,7 @@ def _events(args: argparse.Namespace, source: Iterator[bytes | None], simulator:
         if line is not None:
             for begins, table in samples.take(line):
                 yield from watcher.take(begins, table)
-            if samples.problems["malformed"] > told:
-                told = samples.problems["malformed"]
-                if told <= 3:
-                    note(args, f"warning: line left out, {samples.last_problem}")
+            told = note_left_out(args, samples, told)
         yield from watcher.blind(silence.why(line, samples))
     for begins, table in samples.end():
         yield from watcher.take(begins, table)

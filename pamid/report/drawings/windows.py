@@ -37,6 +37,12 @@ def chosen_equation(d: Diagnosis, equation: str | None) -> str:
     return equation
 
 
+def main_equation(d: Diagnosis) -> str:
+    """Return the equation with windows in which the first cause acts, or the one with most of the gap."""
+    known = equations(d)
+    return d.added[0].equation if d.added and d.added[0].equation in known else known[0]
+
+
 def unit_of(d: Diagnosis, equation: str) -> str:
     """Return the SI unit of an equation's residual."""
     from ...equations import all_equations

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 from ..drawings.course import course_figure, fit, fit_words, shared_limits
 from ..drawings.readings import readings_figure
-from ..drawings.windows import equations, of_equation, states, telling_trajectories
-from ..quantities import run_named
+from ..drawings.windows import equations, main_equation, of_equation, states, telling_trajectories
+from ..quantities import capital, run_named
 from .base import Section
 
 
@@ -25,13 +25,13 @@ class CourseSection(Section):
     def content(self) -> dict[str, Any]:
         """Return the pictures and the fits."""
         d = self.diagnosis
-        name = d.added[0].equation if d.added and d.added[0].equation in equations(d) else equations(d)[0]
+        name = main_equation(d)
         runs = telling_trajectories(d, name, 2)
         limits = shared_limits(d, name, runs)
         pictures, readings = [], []
         for k, run in enumerate(runs):
             words = self.words.equation(name)
-            words = words if self.words.is_at_ports(words) else f"{words[:1].upper()}{words[1:]}"  # no port's own name
+            words = words if self.words.is_at_ports(words) else capital(words)  # no port's own name
             caption = f"{words} in {run_named(run)}."
             pictures.append(self.picture(course_figure(d, name, run, limits), str(k), caption))
             if (figure := readings_figure(d, run, name)) is not None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..drawings.loops import loop_figure, shared_scale
-from ..drawings.windows import equations, telling_trajectories
-from ..quantities import run_named
+from ..drawings.windows import equations, main_equation, telling_trajectories
+from ..quantities import capital, run_named
 from .base import Section
 
 
@@ -24,12 +24,12 @@ class LoopsSection(Section):
     def content(self) -> dict[str, Any]:
         """Return the pictures."""
         d = self.diagnosis
-        name = d.added[0].equation if d.added and d.added[0].equation in equations(d) else equations(d)[0]
+        name = main_equation(d)
         pictures = []
         runs = telling_trajectories(d, name, 3 if d.gap else 2)
         limits = shared_scale(d, name, runs)
         for place, trajectory in enumerate(runs):
             words = self.words.residual_words(name)
-            caption = f"{words[:1].upper()}{words[1:]} in {run_named(trajectory)}."
+            caption = f"{capital(words)} in {run_named(trajectory)}."
             pictures.append(self.picture(loop_figure(d, name, trajectory, limits), str(place), caption))
         return {"pictures": pictures, "added": bool(d.added)}
