@@ -27,6 +27,7 @@ from .errors import (
     ParameterError,
     TruncatedModelError,
 )
+from .explained import explained_by
 from .files import write_whole
 
 FORMAT_VERSION = 2
@@ -164,15 +165,9 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
     return _construct(clean.getvalue(), name, types, frozenset(_names(trusted)))
 
 
+@explained_by(load)
 def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
     """Return what a model file says about itself, without loading the model.
-
-    Parameters
-    ----------
-    path : path-like
-        The model file.
-    max_bytes : int, default=2**29
-        Memory limit of loading, in bytes. The contents of the file may be a quarter of it.
 
     Returns
     -------
@@ -208,29 +203,18 @@ def rename_type(schema: dict[str, Any], old: str, new: str) -> dict[str, Any]:
     old_module, _, old_class = old.rpartition(".")
     new_module, _, new_class = new.rpartition(".")
 
-    def visit(item: Any) -> Any:
-        if isinstance(item, list):
-            return [visit(value) for value in item]
-        if not isinstance(item, dict):
-            return item
-        item = {key: visit(value) for key, value in item.items()}
-        if item.get("__module__") == old_module and item.get("__class__") == old_class:
-            item |= {"__module__": new_module, "__class__": new_class}
-        return item
+    def renamed(item: dict[str, Any]) -> dict[str, Any]:
+        of_type = item.get("__module__") == old_module and item.get("__class__") == old_class
+        return item | {"__module__": new_module, "__class__": new_class} if of_type else item
 
-    return visit(schema)
+    return _changed(schema, renamed)
 
 
 def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str | None) -> dict[str, Any]:
     """Return a schema in which objects of a type have the attribute ``old`` under the name ``new``, or not at all."""
     module, _, cls = type_name.rpartition(".")
 
-    def visit(item: Any) -> Any:
-        if isinstance(item, list):
-            return [visit(value) for value in item]
-        if not isinstance(item, dict):
-            return item
-        item = {key: visit(value) for key, value in item.items()}
+    def renamed(item: dict[str, Any]) -> dict[str, Any]:
         if item.get("__module__") == module and item.get("__class__") == cls and isinstance(item.get("content"), dict):
             attributes = item["content"].get("content", {})
             item["content"] = item["content"] | {
@@ -238,7 +222,14 @@ def rename_attribute(schema: dict[str, Any], type_name: str, old: str, new: str 
             }
         return item
 
-    return visit(schema)
+    return _changed(schema, renamed)
+
+
+def _changed(item: Any, change: Callable[[dict[str, Any]], dict[str, Any]]) -> Any:
+    """Return a schema with every object in it changed, the innermost first."""
+    if isinstance(item, list):
+        return [_changed(value, change) for value in item]
+    return change({key: _changed(value, change) for key, value in item.items()}) if isinstance(item, dict) else item
 
 
 def _with_placements(head: dict[str, Any], schema: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:

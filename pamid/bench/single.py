@@ -12,6 +12,7 @@ import numpy as np
 from ..constants import GRAVITY
 from ..effects.spec import EffectLike, EffectSpec, as_effects
 from ..errors import DivergedError, ParameterError
+from ..explained import explained_by
 from .integrate import RungeKutta4
 from .muscles import Muscles
 from .parameters import BenchParameters, GasParameters, JointParameters, MuscleParameters, ValveParameters
@@ -190,6 +191,7 @@ class LiftBench:
             )
 
 
+@explained_by(LiftBench)
 def simulate_lift(
     params: BenchParameters | None = None,
     loads: Sequence[float] = LOADS,
@@ -220,14 +222,8 @@ def simulate_lift(
         Milliseconds between rows.
     seed : int, default=0
         Seed of the sensors' noise.
-    effects : sequence, default=()
-        More effects of the muscle.
-    settings : LiftSettings, optional
-        What is around the muscle.
     sensors : mapping of str to Sensor, optional
         Noise and resolution of ``P``, ``L``, ``F``.
-    substeps : int, default=1
-        Integration steps per control period of 1 ms.
 
     Returns
     -------

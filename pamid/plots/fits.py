@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import UnknownOptionError
+from ..explained import explained_by
+from .comparison import comparison_plot
 from .style import BLUE, FAINT, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 _STILL = 2e-3  # range of contraction below which a run is taken for isometric
 
 
+@explained_by(comparison_plot)
 def fit_plot(
     comparison: Any, estimator: str | None = None, path: str | Path | None = None, *, title: str = ""
 ) -> Figure:
@@ -27,14 +30,8 @@ def fit_plot(
 
     Parameters
     ----------
-    comparison : Comparison
-        What `pamid.compare.compare` returned.
     estimator : str, optional
         Label of the estimator; the best by default.
-    path : path-like, optional
-        PNG or SVG to write.
-    title : str, default=""
-        First words of the title, such as the name of the log.
 
     Returns
     -------

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
+from pamid.explained import explained_by
 
 from ._rows import Notes, free_name, in_order
 from ._tidy import TRAJECTORY
@@ -89,6 +90,7 @@ def read_log_pieces(
     return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
 
 
+@explained_by(read_log_pieces)
 def read_log_part(
     paths: PathLike | Iterable[PathLike],
     mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
@@ -105,10 +107,6 @@ def read_log_part(
 
     Parameters
     ----------
-    paths : str, Path or iterable of them
-        Files, folders or patterns.
-    mapping : LogMapping, dict, path of a TOML file, optional
-        Names, units, references and constants of the log.
     most : int
         Maximum number of rows.
     nan, check_units, max_bytes : optional

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pamid.errors import ParameterError
+from pamid.explained import explained_by
 
 from ._rows import blocks
 
@@ -72,6 +73,7 @@ def thinned_rows(
     return np.concatenate([np.arange(rows.start, rows.stop, every) for _, rows in blocks(groups)])
 
 
+@explained_by(thinned_rows)
 def thin(
     log: pd.DataFrame, every: int | None = None, *, n_rows: int | None = None, across: bool = False
 ) -> pd.DataFrame:
@@ -81,12 +83,6 @@ def thin(
     ----------
     log : DataFrame
         Tidy frame; take rates first, since they need the neighbours that thinning removes.
-    every : int, optional
-        Distance between kept rows.
-    n_rows : int, optional
-        Instead: at most so many rows in all.
-    across : bool, default=False
-        Whether to count across the borders of runs.
 
     Returns
     -------

@@ -127,7 +127,7 @@ class Placement:
         self, made: Effect, p: np.ndarray, parameters: Sequence[str], along: np.ndarray | float = 0.5
     ) -> np.ndarray:
         """Return parameters, a row each, as an effect on some of them changes them at shares of a log."""
-        rows = {word: list(parameters).index(name) for word, name in {"value": self.at, **self.also}.items()}
+        rows = {word: parameters.index(name) for word, name in {"value": self.at, **self.also}.items()}
         known: dict[str, Any] = {"along": along, **{word: p[row] for word, row in rows.items()}}
         out = p.copy()
         for word, value in made.adjust(known).items():

@@ -178,13 +178,19 @@ class PredictedEvidence(StretchEvidence):
         self.simulated += many
         stretches = self.stretches * many
         states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
-        outputs = [np.zeros((0, s.stop - s.first)) for s in stretches]
-        if simulator.outputs:
-            for k, (s, own) in enumerate(zip(stretches, states, strict=True)):
-                at = slice(s.first, s.stop)
-                with np.errstate(all="ignore"):
-                    outputs[k] = simulator.output(log.t[at], own, given[:, at], copies[k // len(self.stretches)][:, at])
-        return states, outputs
+        return states, self._outputs_along(states, given, copies)
+
+    def _outputs_along(self, states: list[np.ndarray], u: np.ndarray, copies: Sequence[np.ndarray]) -> list[np.ndarray]:
+        """Return the outputs along the states of each stretch, for each of several sets of parameters in turn."""
+        if not self.simulator.outputs:
+            return [np.zeros((0, x.shape[1])) for x in states]
+        found = []
+        for k, x in enumerate(states):
+            copy, place = divmod(k, len(self.stretches))
+            at = slice(self.stretches[place].first, self.stretches[place].stop)
+            with np.errstate(all="ignore"):
+                found.append(self.simulator.output(self.log.t[at], x, u[:, at], copies[copy][:, at]))
+        return found
 
     def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return the channels under a drive, or to first order under one near it."""
@@ -216,13 +222,7 @@ class PredictedEvidence(StretchEvidence):
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return the states of each stretch with a change, and the outputs that belong to them."""
         near = [x + change[:, s.first : s.stop] for x, s in zip(states, self.stretches, strict=True)]
-        shows = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
-        if self.simulator.outputs:
-            for k, (s, own) in enumerate(zip(self.stretches, near, strict=True)):
-                at = slice(s.first, s.stop)
-                with np.errstate(all="ignore"):
-                    shows[k] = self.simulator.output(self.log.t[at], own, drive.u[:, at], drive.p[:, at])
-        return near, shows
+        return near, self._outputs_along(near, drive.u, [drive.p])
 
     def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> list[np.ndarray]:
         """Return the outputs under a drive near another: responses are superposed, only new ones simulated.
