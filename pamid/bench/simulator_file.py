@@ -14,9 +14,8 @@ from ..errors import (
     SimulatorNotFoundError,
     SimulatorSyntaxError,
     SimulatorTypeError,
-    UnknownParameterError,
 )
-from ..toml_files import TomlErrors, read_toml, toml_value
+from ..toml_files import REMOVE, TomlErrors, read_toml, refuse_others, toml_value
 
 if TYPE_CHECKING:
     from ..effects import EffectSpec
@@ -30,10 +29,7 @@ def _table(cls: type, name: str, raw: Any) -> Any:
     if not isinstance(raw, dict):
         raise SimulatorTypeError(f"{name} is {raw!r}.", "a table", f"Write [{name}] with one parameter a line.")
     known = [f.name for f in dataclasses.fields(cls)]
-    if extra := sorted(set(raw) - set(known)):
-        raise UnknownParameterError(
-            f"[{name}] has {', '.join(map(repr, extra))}.", f"only {', '.join(known)}", "Remove or correct the name."
-        )
+    refuse_others(raw, known, f"[{name}] has", remedy=REMOVE, spelt=repr)
     if missing := [key for key in known if key not in raw]:
         raise MissingParameterError(
             f"[{name}] lacks {', '.join(missing)}.", f"all of {', '.join(known)}", "Add what is missing."
@@ -50,10 +46,7 @@ def read_simulator_file(made: Callable[..., T], classes: Mapping[str, type], pat
         if raw.get("kind") == "bench":
             del raw["kind"]
         known = [*classes, "tolerance", "effects"]
-        if extra := sorted(set(raw) - set(known)):
-            raise UnknownParameterError(
-                f"There is {', '.join(map(repr, extra))}.", f"only {', '.join(known)}", "Remove or correct the name."
-            )
+        refuse_others(raw, known, "There is", remedy=REMOVE, spelt=repr)
         if missing := [name for name in classes if name not in raw]:
             raise MissingParameterError(
                 f"The tables {', '.join(missing)} are missing.", f"all of {', '.join(classes)}", "Add what is missing."

@@ -39,6 +39,7 @@ from ..errors import ParameterError, UnknownParameterError
 from ..signals.paths import Path
 from ..signals.roles import STATE_ROLES
 from ..signals.state import Array, State
+from ..toml_files import refuse_others
 from ._sources import explain
 from .plant import Plant
 from .values import Parameter, checked_value
@@ -224,12 +225,8 @@ class Effect(ABC):
 
     def __init__(self, **values: float) -> None:
         known = {p.name: p for p in self.parameters}
-        if extra := sorted(set(values) - set(known)):
-            raise UnknownParameterError(
-                f"The effect {self.name} has no parameter {', '.join(map(repr, extra))}.",
-                f"only {', '.join(known)}" if known else "none",
-                "Correct the name.",
-            )
+        none = "" if known else "none"
+        refuse_others(values, known, f"The effect {self.name} has no parameter", none, spelt=repr)
         self.values: dict[str, float] = {}
         for p in self.parameters:
             self.values[p.name] = checked_value(self.name, p, values.get(p.name, p.nominal))

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from ..errors import MissingParameterError, ParameterError, UnknownParameterError
+from ..errors import MissingParameterError, ParameterError
 from ..explained import explain
+from ..toml_files import refuse_others
 from .between import Between
 from .ports import ModelParameter, Port, as_parameters
 
@@ -204,12 +205,7 @@ class Simulator:
         import copy
         from dataclasses import replace
 
-        if extra := sorted(set(parameters or {}) - set(self.parameters)):
-            raise UnknownParameterError(
-                f"The simulator has no parameter {', '.join(extra)}.",
-                f"only {', '.join(self.parameters)}",
-                "Correct it.",
-            )
+        refuse_others(parameters or {}, self.parameters, "The simulator has no parameter", remedy="Correct it.")
         out = copy.copy(self)
         changed = {k: replace(self.parameters[k], value=float(v)) for k, v in (parameters or {}).items()}
         out.parameters = {**self.parameters, **changed}
@@ -266,10 +262,7 @@ class Simulator:
     @staticmethod
     def text_of(table: Mapping[str, Any], name: str, others: Sequence[str] = ()) -> str:
         """Return the required text entry of a simulator file's table; raise on any others."""
-        if extra := sorted(set(table) - {name, *others}):
-            raise UnknownParameterError(
-                f"The simulator file has {', '.join(extra)}.", f"only {', '.join((name, *others))}", "Correct the name."
-            )
+        refuse_others(table, (name, *others), "The simulator file has")
         value = table.get(name)
         if not isinstance(value, str) or not value:
             raise MissingParameterError(f"{name} is {value!r}.", "a text", f'Write {name} = "...".')

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..errors import MissingParameterError, ParameterError, SimulatorSyntaxError, UnknownParameterError
+from ..errors import MissingParameterError, ParameterError, SimulatorSyntaxError
+from ..toml_files import refuse_others
 
 AND = " and "
 """Separator between the names of two ports in a place written as one text."""
@@ -82,10 +83,7 @@ def read_between(given: Any) -> list[Between]:
 
 
 def _between(given: Mapping[str, Any]) -> Between:
-    if extra := sorted(set(given) - {"ends", "ratio", "inertia"}):
-        raise UnknownParameterError(
-            f"[[between]] has {', '.join(extra)}.", "only ends, ratio, inertia", "Correct the name."
-        )
+    refuse_others(given, ("ends", "ratio", "inertia"), "[[between]] has")
     ends, ratio, inertia = given.get("ends"), given.get("ratio"), given.get("inertia")
     if not isinstance(ends, list) or place_name(ends) is None:
         raise MissingParameterError(f"ends of [[between]] is {ends!r}.", 'ends = ["A", "B"]', "Name two ports.")

@@ -19,10 +19,9 @@ from ..errors import (
     SimulatorNotFoundError,
     SimulatorSyntaxError,
     UnknownOptionError,
-    UnknownParameterError,
     UntrustedCodeError,
 )
-from ..toml_files import TomlErrors, read_toml, toml_key, toml_value
+from ..toml_files import REMOVE, TomlErrors, read_toml, refuse_others, toml_key, toml_value
 from .base import Simulator
 from .between import ends_of, place_name, read_between
 from .ports import ModelParameter, Port
@@ -124,12 +123,8 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> Simulator:
     kind, known = raw.get("kind"), simulator_kinds()
     if kind not in known:
         raise UnknownOptionError(f"{path} is of the kind {kind!r}.", f"one of {', '.join(known)}", "Correct kind.")
-    if extra := sorted(set(raw) - {"kind", kind, *_TABLES}):
-        raise UnknownParameterError(
-            f"{path} has {', '.join(map(repr, extra))}.",
-            f"kind, [{kind}], [ports], [parameters], [[between]], [[effects]]",
-            "Remove or correct the name.",
-        )  # fmt: skip
+    tables = f"kind, [{kind}], [ports], [parameters], [[between]], [[effects]]"
+    refuse_others(raw, ("kind", kind, *_TABLES), f"{path} has", tables, REMOVE, spelt=repr)
     try:
         table = _table(raw, kind)
         ports = [_port(name, given) for name, given in _table(raw, "ports").items()]
@@ -176,10 +171,7 @@ def _port(name: str, given: Any) -> Port:
         raise SimulatorSyntaxError(
             f"The port {name} is {given!r}.", 'a table such as { kind = "input", unit = "V" }', "Write its kind."
         )
-    if extra := sorted(set(given) - set(_PORT)):
-        raise UnknownParameterError(
-            f"The port {name} has {', '.join(extra)}.", f"only {', '.join(list(_PORT)[1:])}", "Correct the name."
-        )
+    refuse_others(given, _PORT, f"The port {name} has", f"only {', '.join(list(_PORT)[1:])}")
     texts = {k: v for k, v in given.items() if k != "start" and not isinstance(v, str)}
     if texts:
         raise SimulatorSyntaxError(f"{next(iter(texts))} of the port {name} is not text.", "a text", "Quote it.")
@@ -188,10 +180,7 @@ def _port(name: str, given: Any) -> Port:
 
 def _number(name: str, given: Any) -> ModelParameter:
     if isinstance(given, dict):
-        if extra := sorted(set(given) - {"value", "tolerance", "unit"}):
-            raise UnknownParameterError(
-                f"The parameter {name} has {', '.join(extra)}.", "value, tolerance, unit", "Correct the name."
-            )
+        refuse_others(given, ("value", "tolerance", "unit"), f"The parameter {name} has", "value, tolerance, unit")
         if "value" not in given:
             raise MissingParameterError(f"The parameter {name} has no value.", "a number", "Add value = ...")
         return ModelParameter(**given)
@@ -214,10 +203,7 @@ def _effects(given: Any) -> list[tuple[str, str, dict[str, float]]]:
                 f"The effect {name} has no port.", 'at = "PORT", or at = ["A", "B"] between two', "Say where it acts."
             )
         parameters = [p.name for p in known[name][1].parameters]
-        if extra := sorted(set(values) - set(parameters)):
-            raise UnknownParameterError(
-                f"The effect {name} has no {', '.join(extra)}.", f"only {', '.join(parameters)}", "Correct it."
-            )
+        refuse_others(values, parameters, f"The effect {name} has no", remedy="Correct it.")
         if wrong := [k for k, v in values.items() if isinstance(v, bool) or not isinstance(v, (int, float))]:
             raise SimulatorSyntaxError(f"{wrong[0]} of the effect {name} is not a number.", "a number", "Correct it.")
         found.append((name, where, {k: float(v) for k, v in values.items()}))

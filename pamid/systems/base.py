@@ -16,13 +16,13 @@ from ..errors import (
     MissingParameterError,
     SimulatorTypeError,
     UnknownOptionError,
-    UnknownParameterError,
 )
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
 from ..simulators.base import Simulator
 from ..simulators.ports import ModelParameter, Port
 from ..simulators.problem import COUNTS, Problem
+from ..toml_files import REMOVE, refuse_others
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -209,13 +209,8 @@ class System(Simulator, ABC):
 
     def __init__(self, *, effects: Sequence[EffectLike] = (), **values: Any) -> None:
         entries: list[Quantity | Choice] = [*self.quantities, *self.choices]
-        known = {q.name for q in entries}
-        if extra := sorted(set(values) - set(known)):
-            raise UnknownParameterError(
-                f"[{self.kind}] has {', '.join(map(repr, extra))}.",
-                f"only {', '.join(known) or 'nothing'}",
-                "Remove or correct the name.",
-            )
+        known = [q.name for q in entries]
+        refuse_others(values, known, f"[{self.kind}] has", f"only {', '.join(known) or 'nothing'}", REMOVE, spelt=repr)
         if lacking := [q.name for q in self.quantities if q.default is None and q.name not in values]:
             raise MissingParameterError(
                 f"[{self.kind}] lacks {', '.join(lacking)}.",

@@ -13,9 +13,8 @@ from ..errors import (
     SimulatorSyntaxError,
     SimulatorTypeError,
     UnknownOptionError,
-    UnknownParameterError,
 )
-from ..toml_files import read_toml
+from ..toml_files import REMOVE, read_toml, refuse_others
 from .base import System
 
 
@@ -94,12 +93,8 @@ def read_system(path: str | Path) -> System:
         raise UnknownOptionError(
             f"{path} is of the kind {kind!r}.", f"one of bench, {', '.join(known)}", "Correct kind in the file."
         )
-    if extra := sorted(set(raw) - {"kind", kind, "effects"}):
-        raise UnknownParameterError(
-            f"{path} has {', '.join(map(repr, extra))}.",
-            f"kind, [{kind}] and [[effects]]",
-            "Remove or correct the name.",
-        )
+    named = ("kind", kind, "effects")
+    refuse_others(raw, named, f"{path} has", f"kind, [{kind}] and [[effects]]", REMOVE, spelt=repr)
     table = raw.get(kind, {})
     if not isinstance(table, dict):
         raise SimulatorSyntaxError(f"{path}: {kind} is {table!r}.", "a table", f"Write [{kind}].")

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ...bench.references import LEAD, PERIOD, Trajectory
-from ...errors import ParameterError, UnknownOptionError, UnknownParameterError
+from ...errors import ParameterError, UnknownOptionError
+from ...toml_files import refuse_others
 from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:
@@ -207,10 +208,7 @@ class DesignedRun:
     def from_dict(cls, found: Mapping[str, Any]) -> DesignedRun:
         """Return the run that numbers say; one that does not exist raises."""
         known = {f.name for f in fields(cls)}
-        if strange := sorted(set(found) - known):
-            raise UnknownParameterError(
-                f"A run has no {', '.join(strange)}.", f"any of {', '.join(sorted(known))}", "Correct the name."
-            )
+        refuse_others(found, known, "A run has no", f"any of {', '.join(sorted(known))}")
         if not {"kind", "seconds"} <= set(found):
             raise ParameterError(
                 "A run lacks kind or seconds.", "both", "Write for instance kind = 'sine', seconds = 4."

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...errors import ParameterError
 from ...simulators.port_log import PortLog
+from ...toml_files import refuse_others
 from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:
@@ -268,18 +269,10 @@ def within_limits(
     readings: Sequence[str],
 ) -> PortLimits:
     """Return limits with those that a user gives."""
-    if strange := sorted({*limits, *rates} - set(inputs)):
-        raise ParameterError(
-            f"Limits are given for {', '.join(strange)}.",
-            f"an input: {', '.join(inputs)}",
-            "Correct the name.",
-        )
-    if strange := sorted(set(keep) - set(readings)):
-        raise ParameterError(
-            f"Ranges to keep are given for {', '.join(strange)}.",
-            f"a state or an output: {', '.join(readings) or 'none that a design predicts'}",
-            "Correct the name.",
-        )
+    one = f"an input: {', '.join(inputs)}"
+    refuse_others({*limits, *rates}, inputs, "Limits are given for", one, error=ParameterError)
+    one = f"a state or an output: {', '.join(readings) or 'none that a design predicts'}"
+    refuse_others(keep, readings, "Ranges to keep are given for", one, error=ParameterError)
     ranges = {**found.ranges, **limits}
     if not ranges:
         raise ParameterError(

@@ -13,6 +13,7 @@ from ...errors import ExcitationError, ParameterError
 from ...simulators.base import Simulator
 from ...simulators.play_runs import played
 from ...simulators.sizes import SignalSizes
+from ...toml_files import refuse_others
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
 from ..one_equation import equation_of, fitted_together
@@ -235,9 +236,5 @@ def _proposals(simulator: Simulator) -> list[dict[str, float]]:
 
 def _refuse_unknown(change: Mapping[str, float], simulator: Simulator) -> None:
     known = [*simulator.parameters, *simulator.inputs]
-    if strange := sorted(set(change) - set(known)):
-        raise ParameterError(
-            f"A change of the system names {', '.join(strange)}.",
-            f"a parameter of the simulator, or an input to hold: {', '.join(known)}",
-            "Correct the name.",
-        )
+    expected = f"a parameter of the simulator, or an input to hold: {', '.join(known)}"
+    refuse_others(change, known, "A change of the system names", expected, error=ParameterError)
