@@ -16,6 +16,7 @@ from pamid.gap.at_ports import diagnose_evidence
 from pamid.gap.learned import learn
 from pamid.gap.learned import predict as remaining
 from pamid.gap.one_equation import equation_of, facing, plain, rebuilt
+from pamid.names import require_one_of
 from pamid.simulators.problem import Problem
 
 from ._base import SignalEstimator, Signals
@@ -288,10 +289,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         )  # fmt: skip
 
     def _check_settings(self) -> None:
-        if self.equation not in EQUATIONS:
-            raise UnknownOptionError(
-                f"equation is {self.equation!r}.", f"one of {', '.join(EQUATIONS)}", "Say what y is."
-            )
+        require_one_of(self.equation, EQUATIONS, f"equation is {self.equation!r}.", "Say what y is.")
         if self.sense not in ("auto", 1, -1):
             raise UnknownOptionError(f"sense is {self.sense!r}.", "'auto', 1 or -1", "Say which way effects act on y.")
         if strange := sorted(set(self.units or {}) - {"target", "position", "pressure"}):

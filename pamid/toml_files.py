@@ -6,14 +6,11 @@ import json
 import re
 import stat
 import tomllib
-from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .errors import PamidError, UnknownParameterError
+from .errors import PamidError
 
-REMOVE = "Remove or correct the name."
-"""What to do about a name that nobody knows."""
 MAX_BYTES = 1_000_000
 """Such a file holds a page of text; what is much larger is something else."""
 
@@ -62,16 +59,6 @@ def read_small_text(path: Path, what: str, errors: TomlErrors) -> str:
             raise
         said = getattr(error, "strerror", None) or error
         raise errors.missing(f"{path} cannot be read: {said}.", what, "Check the path and its permissions.") from None
-
-
-def refuse_others(
-    given: Iterable[str], known: Iterable[str], says: str, expected: str = "", remedy: str = "Correct the name.",
-    error: type[PamidError] = UnknownParameterError, spelt: Callable[[str], str] = str,
-) -> None:  # fmt: skip
-    """Raise where names are given that are not known; `says` what they are said to be of."""
-    names = list(known)
-    if others := sorted(set(given) - set(names)):
-        raise error(f"{says} {', '.join(map(spelt, others))}.", expected or f"only {', '.join(names)}", remedy)
 
 
 def toml_key(name: str) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ..effects.spec import EffectLike
-from ..errors import UnknownOptionError
+from ..names import require_one_of
 from . import paper_like
 from .parameters import BenchParameters
 from .references import Trajectory, sine, step, triangle
@@ -167,10 +167,7 @@ def dataset(
     >>> len(dataset("D_step"))
     20000
     """
-    if name not in DATASETS:
-        raise UnknownOptionError(
-            f"There is no data set {name!r}.", f"one of {', '.join(DATASETS)}", "Correct the name."
-        )
+    require_one_of(name, DATASETS, f"There is no data set {name!r}.")
     if name in _PAPER_LIKE:
         return _paper_like(name, seed, effects, muscle, params, options)
     default, trajectories = _SETS[name]

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
+from ..names import require_one_of
 
 if TYPE_CHECKING:
     from ..effects import Effect, EffectSpec
@@ -317,12 +318,8 @@ class BenchParameters:
             raise SimulatorTypeError(f"tolerance is {self.tolerance!r}.", "a table", "Write it as [tolerance].")
         checked = {}
         for name, value in self.tolerance.items():
-            if name not in NUMBERS:
-                raise UnknownParameterError(
-                    f"tolerance names {name!r}, which is not a parameter.",
-                    f"one of {', '.join(NUMBERS)}",
-                    "Correct it.",
-                )
+            says = f"tolerance names {name!r}, which is not a parameter."
+            require_one_of(name, NUMBERS, says, "Correct it.", UnknownParameterError)
             checked[name] = check_number(
                 value, f"tolerance.{name}", "-", 0.0, 0.9, "Tolerances are relative: 2 % is 0.02."
             )
@@ -476,10 +473,7 @@ class BenchParameters:
 
     def get(self, name: str) -> float:
         """Return one number by its name in a simulator file, such as ``"inertia"``."""
-        if name not in NUMBERS:
-            raise UnknownParameterError(
-                f"{name!r} is not a parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
-            )
+        require_one_of(name, NUMBERS, f"{name!r} is not a parameter of the bench.", error=UnknownParameterError)
         return float(getattr(getattr(self, NUMBERS[name]), name))
 
     def identity(self) -> dict[str, Any]:

@@ -15,7 +15,8 @@ from ..errors import (
     SimulatorSyntaxError,
     SimulatorTypeError,
 )
-from ..toml_files import REMOVE, TomlErrors, read_toml, refuse_others, toml_value
+from ..names import REMOVE, refuse_others
+from ..toml_files import TomlErrors, read_toml, toml_value
 
 if TYPE_CHECKING:
     from ..effects import EffectSpec

@@ -36,10 +36,10 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from ..errors import ParameterError, UnknownParameterError
+from ..names import refuse_others
 from ..signals.paths import Path
 from ..signals.roles import STATE_ROLES
 from ..signals.state import Array, State
-from ..toml_files import refuse_others
 from ._sources import explain
 from .plant import Plant
 from .values import Parameter, checked_value

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from ..errors import MissingColumnError, UnknownOptionError
+from ..errors import MissingColumnError
+from ..names import require_one_of
 from .base import Equation, Residual, all_equations
 from .log import BenchLog, columns_of
 from .run import Model, Run
@@ -31,10 +32,7 @@ def allowed_equations(log: BenchLog, names: Sequence[str] | None = None) -> tupl
             "Map your columns to these names.",
         )
     for name in names or ():
-        if name not in known:
-            raise UnknownOptionError(
-                f"There is no equation {name!r}.", f"one of {', '.join(known)}", "Correct the name."
-            )
+        require_one_of(name, known, f"There is no equation {name!r}.")
     allowed: dict[str, Equation] = {}
     skipped: dict[str, str] = {}
     for name, equation in known.items():

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..errors import UnknownOptionError
 from ..explained import explained_by
+from ..names import require_one_of
 from .comparison import comparison_plot
 from .style import BLUE, FAINT, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
 
@@ -56,10 +56,7 @@ def fit_plot(
     if path is not None:
         path = checked_ending(path)
     label = estimator or comparison.best.estimator
-    if label not in comparison.predictions:
-        raise UnknownOptionError(
-            f"There is no prediction of {label!r}.", f"one of {', '.join(comparison.predictions)}", "Correct the name."
-        )
+    require_one_of(label, comparison.predictions, f"There is no prediction of {label!r}.")
     factor, unit = SHOWN[comparison.unit]
     rows = comparison.rows.assign(predicted=comparison.predictions[label])
     chosen = _examples(rows)

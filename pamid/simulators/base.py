@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import MissingParameterError, ParameterError
 from ..explained import explain
-from ..toml_files import refuse_others
+from ..names import refuse_others
 from .between import Between
 from .ports import ModelParameter, Port, as_parameters
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..errors import MissingParameterError, ParameterError, SimulatorSyntaxError
-from ..toml_files import refuse_others
+from ..names import refuse_others
 
 AND = " and "
 """Separator between the names of two ports in a place written as one text."""

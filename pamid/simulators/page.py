@@ -21,7 +21,8 @@ from ..errors import (
     UnknownOptionError,
     UntrustedCodeError,
 )
-from ..toml_files import REMOVE, TomlErrors, read_toml, refuse_others, toml_key, toml_value
+from ..names import REMOVE, refuse_others
+from ..toml_files import TomlErrors, read_toml, toml_key, toml_value
 from .base import Simulator
 from .between import ends_of, place_name, read_between
 from .ports import ModelParameter, Port

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..errors import ParameterError, UnknownOptionError
+from ..errors import ParameterError
+from ..names import require_one_of
 
 KINDS = ("input", "output", "state", "joint", "chamber", "parameter")
 """Kinds of ports. A joint joins a position and its velocity, a chamber is where something is stored and may leak."""
@@ -73,10 +74,7 @@ class Port:
             raise ParameterError(
                 f"A port is named {self.name!r}.", "a name of letters, digits and _", "Choose a plain name."
             )
-        if self.kind not in KINDS:
-            raise UnknownOptionError(
-                f"The port {self.name} is of the kind {self.kind!r}.", f"one of {', '.join(KINDS)}", "Correct it."
-            )
+        require_one_of(self.kind, KINDS, f"The port {self.name} is of the kind {self.kind!r}.", "Correct it.")
         if self.kind in ("input", "output", "state") and self.source == RESERVED[0]:
             raise ParameterError(
                 f"The port {self.name} is read from the column {self.source!r}.", "another column: it names the runs",

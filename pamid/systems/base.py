@@ -15,14 +15,13 @@ from ..errors import (
     MissingColumnError,
     MissingParameterError,
     SimulatorTypeError,
-    UnknownOptionError,
 )
+from ..names import REMOVE, refuse_others, require_one_of
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
 from ..simulators.base import Simulator
 from ..simulators.ports import ModelParameter, Port
 from ..simulators.problem import COUNTS, Problem
-from ..toml_files import REMOVE, refuse_others
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -149,10 +148,7 @@ class Choice(NamedTuple):
 
     def checked(self, value: Any, kind: str) -> str:
         """Return a word of the file; raise if it is not one of the options."""
-        if value not in self.options:
-            raise UnknownOptionError(
-                f"{kind}.{self.name} is {value!r}.", f"one of {', '.join(self.options)}", "Correct the word."
-            )
+        require_one_of(value, self.options, f"{kind}.{self.name} is {value!r}.", "Correct the word.")
         return str(value)
 
 

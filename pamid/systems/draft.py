@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..errors import MappingError, UnitError, UnknownOptionError
+from ..errors import MappingError, UnitError
+from ..names import require_one_of
 from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
 from ..signals.headers import read_header
@@ -386,8 +387,8 @@ def draft_for(
     ...     len(draft_for(Path(folder) / "log.csv").guesses)
     3
     """
-    if kind and kind not in kinds():
-        raise UnknownOptionError(f"There is no kind {kind!r}.", f"one of {', '.join(kinds())}", "Correct it.")
+    if kind:
+        require_one_of(kind, kinds(), f"There is no kind {kind!r}.", "Correct it.")
     files = find_logs(paths)
     settings: dict[str, Any] = {} if encoding is None else {"encoding": encoding}
     tables = read_raw(files, settings)
@@ -437,17 +438,12 @@ def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
 
         found: dict[str, Any] = {}
         for name, value in pairs.items():
-            if name not in NUMBERS and name != "name":
-                raise UnknownOptionError(
-                    f"{name!r} is not a parameter of the bench.", f"one of {', '.join(NUMBERS)}", "Correct the name."
-                )
+            if name != "name":
+                require_one_of(name, NUMBERS, f"{name!r} is not a parameter of the bench.")
             found[name] = value if name == "name" else parse_quantity(value, name)
         BenchParameters.for_muscle("B").replace(**found)
         return found
     known = {q.name: q for q in all_systems()[kind].quantities}
     for name in pairs:
-        if name not in known:
-            raise UnknownOptionError(
-                f"{name!r} is not a parameter of a {kind}.", f"one of {', '.join(known)}", "Correct the name."
-            )
+        require_one_of(name, known, f"{name!r} is not a parameter of a {kind}.")
     return {name: known[name].checked(value, kind) for name, value in pairs.items()}

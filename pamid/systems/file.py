@@ -14,7 +14,8 @@ from ..errors import (
     SimulatorTypeError,
     UnknownOptionError,
 )
-from ..toml_files import REMOVE, read_toml, refuse_others
+from ..names import REMOVE, refuse_others
+from ..toml_files import read_toml
 from .base import System
 
 

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ..errors import UnknownOptionError
+from ..names import require_one_of
 
 Activation = Callable[[Tensor, bool], tuple[Tensor, Tensor]]
 """Takes z and whether σ(z) is wanted; puts σ(z) in place of z if so; returns σ'(z) and σ''(z)."""
@@ -57,10 +57,7 @@ ACTIVATIONS: dict[str, Activation] = {"softplus": _softplus, "tanh": _tanh, "sil
 
 def activation_named(name: str) -> Activation:
     """Return an activation by name."""
-    if name not in ACTIVATIONS:
-        raise UnknownOptionError(
-            f"activation={name!r} is not known.", f"one of {', '.join(ACTIVATIONS)}", "Choose a smooth activation."
-        )
+    require_one_of(name, ACTIVATIONS, f"activation={name!r} is not known.", "Choose a smooth activation.")
     return ACTIVATIONS[name]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from .._discovery import subclasses
-from ..errors import UnknownOptionError
+from ..names import require_one_of
 from .classical import ClassicalVolume
 
 
@@ -56,8 +56,5 @@ def volume_class(name: str) -> type[ClassicalVolume]:
     'BraidedVolume'
     """
     found = all_volumes()
-    if name not in found:
-        raise UnknownOptionError(
-            f"There is no volume model {name!r}.", f"one of {', '.join(found)}", "Correct the name."
-        )
+    require_one_of(name, found, f"There is no volume model {name!r}.")
     return found[name]

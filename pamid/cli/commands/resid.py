@@ -6,9 +6,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import ParameterError, UnknownOptionError
+from ...errors import ParameterError
 from ...file_sets import replacing_together
 from ...files import PROBE
+from ...names import require_one_of
 from .._progress import progress
 from .._residuals import Left, residual_tables
 from .._simulators import add_trust_option
@@ -59,10 +60,7 @@ def run(args: argparse.Namespace) -> int:
     with progress(args, "Simulating"):
         found = residual_tables(args)
     if args.equation is not None and args.model is None:
-        if args.equation not in found:
-            raise UnknownOptionError(
-                f"--equation is {args.equation}.", f"one of {', '.join(found)}", "Correct the name."
-            )
+        require_one_of(args.equation, found, f"--equation is {args.equation}.")
         found = {args.equation: found[args.equation]}
     tests = {name: _test(left, args.lags) for name, left in found.items()}
     files = _draw(tests, args.out)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...errors import LogFormatError, ParameterError, UnknownOptionError, among
+from ...names import require_one_of
 from .._progress import progress
 from ..common import add_command, checked_output, load_simulator, parse_settings, print_json
 
@@ -79,10 +80,8 @@ def run(args: argparse.Namespace) -> int:
             "one of --dataset and --trajectory or --runs",
             "Pass for instance --dataset D_B, or --trajectory sine:frequency=4,amplitude=10.",
         )
-    if args.dataset and args.dataset not in DATASETS:
-        raise UnknownOptionError(
-            f"There is no data set {args.dataset!r}.", f"one of {', '.join(DATASETS)}", "Correct the name."
-        )
+    if args.dataset:
+        require_one_of(args.dataset, DATASETS, f"There is no data set {args.dataset!r}.")
     effects = [spec_of(text) for text in args.effect]
     if args.sim:
         params = load_simulator(args.sim)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError
-from ...toml_files import refuse_others
+from ...names import refuse_others, require_one_of
 from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:
@@ -112,10 +112,7 @@ class DesignedRun:
     """Largest rate of the reference angle, degrees/s, which rounds steps."""
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise UnknownOptionError(
-                f"There is no kind of run {self.kind!r}.", f"one of {', '.join(KINDS)}", "Correct it."
-            )
+        require_one_of(self.kind, KINDS, f"There is no kind of run {self.kind!r}.", "Correct it.")
         if self.muscle not in (1, 2):
             raise UnknownOptionError(f"There is no muscle {self.muscle!r}.", "1 or 2", "Correct it.")
         for f in fields(self):

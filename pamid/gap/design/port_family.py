@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from ...errors import ParameterError
+from ...names import refuse_others
 from ...simulators.port_log import PortLog
-from ...toml_files import refuse_others
 from .tones import TONES, multisine, slewed
 
 if TYPE_CHECKING:

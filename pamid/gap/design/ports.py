@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import ExcitationError, ParameterError
+from ...names import refuse_others
 from ...simulators.base import Simulator
 from ...simulators.play_runs import played
 from ...simulators.sizes import SignalSizes
-from ...toml_files import refuse_others
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
 from ..one_equation import equation_of, fitted_together
