@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..errors import (
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from ..effects import EffectSpec
 
 ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
+
+HEAD = ("# Simulator of the bench: SI units, absolute pressures.",)
+"""First lines of a simulator file."""
 
 T = TypeVar("T")
 
@@ -62,22 +66,21 @@ def _number(value: float) -> str:
     return repr(float(value))
 
 
-def _line(name: str, value: str, comment: str) -> str:
-    return f"{name} = {value}  # {comment}" if comment else f"{name} = {value}"
-
-
-def simulator_text(tables: Mapping[str, Any], tolerance: Mapping[str, float], effects: Iterable[EffectSpec]) -> str:
+def simulator_text(
+    tables: Mapping[str, Any], tolerance: Mapping[str, float], effects: Iterable[EffectSpec],
+    head: Sequence[str] = HEAD, meaning: Mapping[str, str] = MappingProxyType({}), assumed: Collection[str] = (),
+) -> str:  # fmt: skip
     """Return tables, each a record of numbers, tolerances and effects as the text of a simulator file."""
-    lines = ["# Simulator of the bench: SI units, absolute pressures.", 'kind = "bench"', ""]
+    lines = [*head, 'kind = "bench"', ""]
     for table, held in tables.items():
         lines.append(f"[{table}]")
         for f in dataclasses.fields(held):
+            said = f.metadata.get("unit", ""), meaning.get(f.name, ""), f.metadata.get("comment", "")
             value = getattr(held, f.name)
-            if "unit" in f.metadata:
-                comment = ", ".join(part for part in (f.metadata["unit"], f.metadata["comment"]) if part)
-                lines.append(_line(f.name, _number(value), comment))
-            else:
-                lines.append(_line(f.name, toml_value(value), ""))
+            comment = ", ".join(dict.fromkeys(part for part in said if part))
+            mark = "  ASSUMED: replace it by yours" if f.name in assumed else ""
+            written = _number(value) if "unit" in f.metadata else toml_value(value)
+            lines.append(f"{f.name} = {written}" + (f"  # {comment}{mark}" if comment else ""))
         lines.append("")
     if tolerance:
         lines.append("[tolerance]  # relative: how well each is known; a value within it is no gap")

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection
 
 from ..bench.parameters import TABLES, BenchParameters
-from ..toml_files import toml_value
+from ..bench.simulator_file import simulator_text
 from .base import Input
 
 BENCH_INPUTS = (
@@ -29,7 +28,12 @@ OWN = (
 )  # fmt: skip
 """Numbers that no two benches share: without a value those of the study's muscle B are used, and marked."""
 
+_HEAD = (
+    "# Simulator of an antagonistic bench: two equal muscles on one pulley. SI units, absolute pressures.",
+    "# What each number is and what is accepted: docs/simulator.md",
+)
 MEANING = {
+    "name": "what the muscle is called",
     "rest_length": "length between the fittings at rest",
     "rest_diameter": "diameter at rest",
     "braid_angle": "between thread and axis at rest",
@@ -44,21 +48,5 @@ MEANING = {
 
 def bench_text(params: BenchParameters, assumed: Collection[str] = ()) -> str:
     """Return the commented simulator file of a bench."""
-    lines = [
-        "# Simulator of an antagonistic bench: two equal muscles on one pulley. SI units, absolute pressures.",
-        "# What each number is and what is accepted: docs/simulator.md",
-        'kind = "bench"',
-    ]
-    for table, cls in TABLES.items():
-        lines += ["", f"[{table}]"]
-        for f in dataclasses.fields(cls):
-            value = getattr(getattr(params, table), f.name)
-            if "unit" not in f.metadata:
-                lines.append(f"{f.name} = {toml_value(value)}  # what the muscle is called")
-                continue
-            said = [f.metadata["unit"], MEANING.get(f.name, ""), f.metadata["comment"]]
-            mark = "  ASSUMED: replace it by yours" if f.name in assumed else ""
-            lines.append(f"{f.name} = {value!r}  # {', '.join(dict.fromkeys(t for t in said if t))}{mark}")
-    lines += ["", "[tolerance]  # relative: how well each is known; what values within it explain is not a gap"]
-    lines += [f"{name} = {value!r}" for name, value in params.tolerance.items()]
-    return "\n".join(lines) + "\n"
+    tables = {name: getattr(params, name) for name in TABLES}
+    return simulator_text(tables, params.tolerance, params.effects, _HEAD, MEANING, assumed)

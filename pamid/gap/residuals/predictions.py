@@ -170,7 +170,7 @@ class PredictedEvidence(StretchEvidence):
         u = drawn(u, log.starts, self.substeps) if self.lines else u
         length = max(s.stop - s.first for s in self.stretches)
         rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
-        copies = p[None] if p.ndim == 2 else p
+        copies = [p] if p.ndim == 2 else list(p)
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
         runner = Runner(simulator, log.dt, self.joints, self.substeps, self.lines)
