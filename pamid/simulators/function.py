@@ -84,6 +84,12 @@ class FunctionSimulator(Simulator):
         self.form = form or _form_of(self._arguments, bool(self.states))
         if self.form not in _FORMS:
             raise UnknownOptionError(f"form is {form!r}.", f"one of {', '.join(_FORMS)}", "Correct it.")
+        if self.form == "run" and "time" in self.inputs:
+            raise ParameterError(
+                f"{_name(function)} is given the times of a run as u['time'], and an input has that name.",
+                "another name",
+                "Rename the input; its key 'column' names the column of the log.",
+            )
         self._fast: dict[str, bool] = {}
         self.output_source, self.folder = "", Path()
 

@@ -80,6 +80,13 @@ class Port:
                 f"The port {self.name} is read from the column {self.source!r}.", "another column: it names the runs",
                 "Give the port another name, or the key 'column'.",
             )  # fmt: skip
+        if self.kind in ("input", "output", "state") and self.source == RESERVED[1] != self.column:
+            raise ParameterError(
+                f"The port {self.name} would be read from the column {self.source!r}, the log's clock.",
+                "the column of its signal",
+                f"Name it with the key 'column' (column = {self.source!r} if it is the clock), or rename the port. In "
+                "equations and functions, t is the time.",
+            )
         said = 0.0 if self.start is None else self.start
         if isinstance(said, bool) or not isinstance(said, (int, float)) or not math.isfinite(said):
             raise ParameterError(f"start of the port {self.name} is {self.start!r}.", "a number", "Write a number.")

@@ -107,19 +107,21 @@ def _own_names(args: argparse.Namespace) -> list[str]:
 def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
     """Return what contradicts the ports of a simulator that is data: units, signs, places, stops."""
     from ...errors import PamidError
+    from ...simulators.page import MODELS, read_outline
     from ...simulators.port_log import port_log
     from ...simulators.port_units import unit_doubts
     from .._simulators import runs_code
 
-    if runs_code(args.sim):
-        note(args, f"{args.sim} runs code: its ports are compared with the columns by 'pamid evaluate'")
-        return []
     try:
+        if runs_code(args.sim):
+            if Path(args.sim).suffix.lower() not in MODELS:
+                read_outline(args.sim)
+            note(args, f"{args.sim} runs code: its ports are compared with the columns by 'pamid evaluate'")
+            return []
         simulator: Any = any_simulator_of(args)
         return [f"{text}." for text in unit_doubts(simulator, port_log(log, simulator))]
     except PamidError as error:
-        note(args, f"the columns are not compared with the ports: {error}")
-        return []
+        return [f"The columns are not compared with the ports: {error}"]
 
 
 def _leave_out_muscles(found: Survey) -> None:
