@@ -11,7 +11,7 @@ import numpy as np
 
 from pamid.errors import ColumnTypeError, DuplicateColumnError, EmptyLogError, MappingError, MissingColumnError
 
-from .formats import TRAJECTORY, names_column
+from .formats import TRAJECTORY, is_measured, names_column
 from .formats._lists import list_elements
 from .mapping import LogMapping, SignalMapping
 from .robots import with_own_clock
@@ -119,7 +119,16 @@ def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> in
     """Return the column that names the runs; a single run, recorded later, often comes without it."""
     if isinstance(mapping.trajectory, int):
         return _position(raw, mapping.trajectory, TRAJECTORY, path, {})
-    return names_column(raw.columns, mapping)
+    position = names_column(raw.columns, mapping)
+    if position is not None and is_measured(raw.iloc[:, position], mapping):
+        raise ColumnTypeError(
+            f"{path.name} has {raw.iloc[:, position].nunique()} different numbers in {len(raw)} rows of the column "
+            f"{raw.columns[position]!r}: a signal.",
+            "the name of the run there, the same in all rows of a run",
+            f"Rename the column, or map the signal: NAME = {{ column = {TRAJECTORY!r} }}; "
+            f"'pamid init LOG --signal NAME={TRAJECTORY}' writes that.",
+        )
+    return position
 
 
 def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import MissingColumnError, ShortTrajectoryError
+from ..errors import ColumnTypeError, MissingColumnError, ShortTrajectoryError
 from ..signals.ends import one_sided_end
+from ..signals.formats import is_measured
+from ..signals.mapping import LogMapping
 from .base import Simulator
 
 if TYPE_CHECKING:
@@ -132,6 +134,12 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
             f"The log holds no state and no output of the simulator; it has {has}.",
             f"at least one of {', '.join([p.source for p in signals if p.kind != 'input'][:20])}",
             "Name the columns in [ports].",
+        )
+    if "trajectory" in log.columns and is_measured(log["trajectory"], LogMapping()):
+        raise ColumnTypeError(
+            "The column 'trajectory' of the log holds another number in nearly every row: a signal.",
+            "the name of each row's run",
+            "Rename the column.",
         )
     pieces, notes = _runs(log, [p.source for p in there]), []
     if not pieces:

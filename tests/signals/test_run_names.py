@@ -13,7 +13,9 @@ import scipy.io
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import pamid
 from pamid.bench import BenchParameters, simulate, sine, unfold
+from pamid.cli import main
 from pamid.errors import ColumnTypeError, ReadingWarning, TimeOrderError
 from pamid.signals import read_log, read_log_pieces, write_log
 
@@ -181,3 +183,64 @@ def test_a_run_recorded_later_may_come_without_the_column_that_names_runs(tmp_pa
     pd.concat([log, log]).to_csv(tmp_path / "two.csv", index=False)
     with pytest.raises(TimeOrderError, match="time goes backwards"):
         read_log(tmp_path / "two.csv", mapping)
+
+
+CART = """
+kind = "equations"
+[equations]
+"dx/dt" = "v"
+"dv/dt" = "(u - d*v)/m"
+[ports]
+u = { kind = "input", unit = "N" }
+x = { kind = "state", unit = "m" }
+v = { kind = "state", unit = "m/s" }
+[parameters]
+d = 0.3
+m = 0.5
+"""
+
+
+@pytest.mark.parametrize("style", ["full", "rounded", "decimal comma", "parquet"])
+def test_readings_in_a_column_named_trajectory_do_not_split_the_log(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], style: str
+) -> None:
+    t = np.arange(0, 4, 0.01)
+    x = 0.4 * np.sin(2 * t)
+    table = pd.DataFrame({"time": t, "u": 0.5 * np.cos(3 * t), "v": 0.8 * np.cos(2 * t), "trajectory": x})
+    table = table.round(2 if style == "rounded" else 6)  # the rounded one has 81 values, which come back
+    log = tmp_path / ("log.parquet" if style == "parquet" else "log.csv")
+    comma = {"sep": ";", "decimal": ","} if style == "decimal comma" else {}
+    _ = table.to_parquet(log) if style == "parquet" else table.to_csv(log, index=False, **comma)
+    (tmp_path / "sim.toml").write_text(CART)
+    files = [str(log), "--sim", str(tmp_path / "sim.toml"), "--quiet"]
+    for argv in (["check", *files], ["evaluate", *files], ["diagnose", *files, "--out", str(tmp_path / "out")]):
+        assert main(argv) == 2
+        told = capsys.readouterr().err
+        assert "of the column 'trajectory': a signal." in told
+        assert "--signal NAME=trajectory" in told
+    setup = tmp_path / "setup"
+    assert main(["init", *files, "--signal", "x=trajectory", "--out", str(setup), "--json"]) == 0
+    assert len(json.loads(capsys.readouterr().out)["trajectories"]) == 1
+    assert main(["check", *files, "--columns", str(setup / "columns.toml"), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["sampling"]["runs"] == 1
+    read = read_log(log, setup / "columns.toml")
+    assert read["x"].to_numpy() == pytest.approx(table["trajectory"].to_numpy())
+
+
+def test_readings_in_a_table_of_python_are_no_names_of_runs(tmp_path: Path) -> None:
+    (tmp_path / "sim.toml").write_text(CART)
+    t = np.arange(0, 4, 0.01)
+    log = pd.DataFrame({"time": t, "u": np.cos(t), "v": np.sin(t), "trajectory": np.sin(t)})
+    with pytest.raises(ColumnTypeError, match="a signal"):
+        pamid.diagnose(log, pamid.read_simulator(tmp_path / "sim.toml"))
+
+
+def test_numbered_runs_stay_runs(tmp_path: Path) -> None:
+    """Runs named by fractions, and rows of numbered runs one after the other, which a mapping sorts."""
+    t = np.arange(0, 0.3, 0.01)
+    runs = pd.concat([pd.DataFrame({"trajectory": k, "time": t, "F": np.sin(t)}) for k in (0.5, 1.0, 1.5)])
+    runs.to_csv(tmp_path / "log.csv", index=False)
+    assert read_log(tmp_path / "log.csv")["trajectory"].unique().tolist() == ["0.5", "1.0", "1.5"]
+    runs.sort_values("time").to_csv(tmp_path / "log.csv", index=False)
+    assert read_log(tmp_path / "log.csv", {"time_order": "sort"})["trajectory"].nunique() == 3

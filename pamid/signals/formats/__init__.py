@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from ..mapping import LogMapping
 
 TRAJECTORY = "trajectory"
+_FEW = 20
+"""Rows below which nothing is said of a column by its values."""
 HEAD_BYTES = 65_536
 """How much of a file is read to find its format."""
 
@@ -64,7 +66,30 @@ def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
     wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
     if isinstance(wanted, int):
         return wanted if 0 <= wanted < len(labels) else None
+    if mapping.trajectory is None and any(how.column == TRAJECTORY for how in mapping.signals.values()):
+        return None  # the mapping takes it for a signal
     return labels.index(wanted) if wanted in labels else None
+
+
+def is_measured(column: pd.Series, mapping: LogMapping) -> bool:
+    """Return whether a column that is named like the one of the runs holds readings of a signal instead.
+
+    Numbers that differ in more than half of the rows leave no run of two rows; fractions that come back number no run.
+    """
+    import pandas as pd
+
+    unique = column.dropna().unique()
+    if mapping.trajectory is not None or len(column) < _FEW:
+        return False
+    most = 2 * len(unique) > len(column)
+    back = mapping.time_order != "sort" and int((column != column.shift()).sum()) > len(unique)
+    if not (most or back):
+        return False
+    try:
+        numbers = pd.to_numeric(pd.Series(unique)).to_numpy(dtype=float)
+    except (TypeError, ValueError):
+        return False
+    return most or bool((numbers % 1.0 != 0.0).any())
 
 
 def flat_columns(schema: Any, mapping: LogMapping) -> list[str]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from pamid.errors import ColumnTypeError, EmptyLogError, HostileLogError, LogFormatError
 
-from . import Format, RawTable, names_column
+from . import Format, RawTable, is_measured, names_column
 from ._encoding import encoding_by
 from ._fields import require_fields
 from ._layout import MISSING, layout_of
@@ -58,6 +58,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     if of_names is not None:
         names: Any = _with_blanks(frame.iloc[:, of_names], path, layout, of_names)
         frame.isetitem(of_names, names)
+        of_names = None if is_measured(names.str.replace(layout.decimal, ".", regex=False), mapping) else of_names
     for position in range(layout.width):
         column = frame.iloc[:, position]
         if position != of_names and not pd.api.types.is_numeric_dtype(column.dtype):
