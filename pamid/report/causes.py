@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect, Parameter, all_effects
 from ..simulators.dimensions import unit_powers
-from .quantities import amount, effect, listed, parameter, placed, places, said_at, span
+from .quantities import amount, amount_within, effect, listed, parameter, placed, places, said_at, span
 
 if TYPE_CHECKING:
     from ..gap.diagnosis.findings import Cause, ParameterEstimate
@@ -98,7 +98,7 @@ def size(cause: Cause, words: Words, full: bool = False) -> str:
     kind = _effect(name)
     for word, p in () if told else _telling(kind, sizes):
         unit = shown_unit(name, word, p.unit, port)
-        one = f"{parameter(word)} {amount(p.value, unit)}{_interval(p, unit, full)}"
+        one = f"{parameter(word)} {amount_within(p.value, *p.ci90, unit)}{_interval(p, unit, full)}"
         told.append(f"{one}, which is {p.physical}" if p.physical else one)
     return ", ".join(told)
 
@@ -118,12 +118,13 @@ def _interval(p: ParameterEstimate, unit: str, full: bool) -> str:
 def _deviation(own: Any, p: ParameterEstimate, full: bool) -> str:
     """Return a wrong parameter's value, and the simulator's own parameter's."""
     if own is None or not math.isfinite(p.value):
-        return f"off by {amount(p.value, '-')}{_interval(p, '-', full)}"
+        return f"off by {amount_within(p.value, *p.ci90, '-')}{_interval(p, '-', full)}"
     unit = "" if own.unit == "-" else own.unit
     value, *ends = (own.value * (1.0 + x) for x in (p.value, *p.ci90))
     found = p.scaled(1.0, unit)
     known = type(found)(value, unit, (min(ends), max(ends)), p.at_bound)
-    return f"{amount(value, unit)}{_interval(known, unit, full)}, the simulator has {amount(own.value, unit)}"
+    told = f"{amount_within(value, *known.ci90, unit)}{_interval(known, unit, full)}"
+    return f"{told}, the simulator has {amount(own.value, unit)}"
 
 
 def _telling(kind: type[Effect] | None, sizes: Estimates) -> list[tuple[str, ParameterEstimate]]:

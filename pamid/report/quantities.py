@@ -144,11 +144,20 @@ def span(low: float, high: float, unit: str = "") -> str:
         return f"from {amount(low, unit)}, no upper bound"
     _, shown = SHOWN.get(unit, (1.0, unit))
     tail = "" if shown in ("", "-") else f" {shown}"
-    for digits in (3, 4, 5):  # a narrow interval takes the digits that show it
-        ends = [amount(v, unit, digits).removesuffix(tail) for v in (low, high)]
-        if ends[0] != ends[1]:
-            break
+    ends = [amount(v, unit, _digits(low, high, unit)).removesuffix(tail) for v in (low, high)]
     return f"{ends[0]} to {ends[1]}{tail}"
+
+
+def amount_within(value: float, low: float, high: float, unit: str = "") -> str:
+    """Return a number with its unit, in as many digits as its interval, which otherwise may seem not to hold it."""
+    return amount(value, unit, _digits(low, high, unit))
+
+
+def _digits(low: float, high: float, unit: str) -> int:
+    """Return the digits that show the width of an interval; 3 of an open one."""
+    if not (math.isfinite(low) and math.isfinite(high)):
+        return 3
+    return next((n for n in (3, 4) if amount(low, unit, n) != amount(high, unit, n)), 5)
 
 
 def cell(share: float) -> str:
@@ -164,11 +173,26 @@ def share_span(low: float, high: float) -> str:
         return f"{100 * low:.0f} %"
     if 0.9995 < low < high <= 1.0:
         return "over 99.9 %"
-    for digits in (0, 1, 2):
-        ends = [f"{100 * v:.{digits}f}" for v in (low, high)]
-        if ends[0] != ends[1]:
-            return f"{ends[0]} to {ends[1]} %"
-    return f"{100 * low:.0f} to {100 * high:.0f} %"
+    digits = _decimals(low, high)
+    return f"{100 * low:.{digits}f} to {100 * high:.{digits}f} %"
+
+
+def percent_within(share: float, low: float, high: float) -> str:
+    """Return a share in as many decimals as its interval, which otherwise may seem not to hold it."""
+    digits = _decimals(low, high)
+    return f"{100 * share:.{digits}f} %" if digits and math.isfinite(share) else percent(share)
+
+
+def interval_of(share: float, low: float, high: float) -> str:
+    """Return a share with its interval in brackets."""
+    return f"{percent_within(share, low, high)} (90 % interval {share_span(low, high)})"
+
+
+def _decimals(low: float, high: float) -> int:
+    """Return the decimals of per cents that show the width of an interval; 0 where none does."""
+    if not (math.isfinite(low) and math.isfinite(high)) or 0.9995 < low < high <= 1.0:
+        return 0
+    return next((n for n in (0, 1, 2) if f"{100 * low:.{n}f}" != f"{100 * high:.{n}f}"), 0)
 
 
 def probability(p: float) -> str:

@@ -15,11 +15,11 @@ from .quantities import (
     at_least,
     capital,
     effect,
+    interval_of,
     listed,
     percent,
     probability,
     run_named,
-    share_span,
 )
 from .words import BENCH, Words
 
@@ -383,7 +383,7 @@ def how_far(d: Diagnosis) -> str:
         return f"How much of the gap closes could not be tested on unseen {_unseen(d)}."
     c, words = closures[0], Words.of(d)
     it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
-    share = f"{percent(c.closed_share)} (90 % interval {share_span(*c.ci90)}) of the gap"
+    share = f"{interval_of(c.closed_share, *c.ci90)} of the gap"
     became = f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
     text = f"Adding {it} closes {share} {words.in_equation(c.equation)} on unseen {_unseen(d)}: {became}"
     if not any(o.closed_share for o in closures) and c.ci90 == (0.0, 1.0):

@@ -20,7 +20,7 @@ from pamid.gap.diagnosis.findings import (
 )
 from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
-from pamid.report.quantities import amount, at_least, percent, share_span, span
+from pamid.report.quantities import amount, amount_within, at_least, interval_of, percent, share_span, span
 from pamid.report.sections import Source, all_sections
 from pamid.report.sections.which import WhichSection
 from pamid.report.sentences import query_words
@@ -147,6 +147,23 @@ def test_intervals_that_data_do_not_bound_are_said_to_be_open():
     assert amount(np.nan, "N") == "unknown"
     assert [percent(s) for s in (0.0, 0.001, 0.5, 0.999, 1.0)] == ["0 %", "under 1 %", "50 %", "over 99 %", "100 %"]
     assert [at_least(s) for s in (0.97, 0.999)] == ["97 % or more", "over 99 %"]
+
+
+def test_a_value_lies_in_the_interval_printed_beside_it():
+    assert interval_of(0.9655, 0.96502, 0.966) == "96.5 % (90 % interval 96.5 to 96.6 %)"
+    assert interval_of(0.97, 0.93, 0.98) == "97 % (90 % interval 93 to 98 %)"
+    assert interval_of(0.003, 0.0025, 0.0035) == "0.3 % (90 % interval 0.2 to 0.4 %)"
+    assert amount_within(0.293061, 0.293055, 0.293067, "N") == "0.29306 N"
+    assert amount_within(0.29306, 0.28, 0.31, "N") == amount_within(0.29306, 0.28, np.inf, "N") == "0.293 N"
+    rng = np.random.default_rng(0)
+    for middle, half in zip(rng.uniform(0.02, 0.98, 300), 10 ** rng.uniform(-5, -2, 300), strict=True):
+        low, high = middle - half, middle + half
+        for text, ends in (
+            (interval_of(middle, low, high), share_span(low, high)),
+            (amount_within(middle, low, high), span(low, high)),
+        ):
+            first, last = (float(end) for end in ends.removesuffix(" %").split(" to "))
+            assert first <= float(text.split()[0]) <= last, (middle, low, high)
 
 
 def test_sentences_survive_a_diagnosis_with_nothing_in_it(diagnoses):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..drawings.closure import closure_figure
-from ..quantities import amount, percent, share_span
+from ..quantities import amount, percent_within, share_span
 from .base import Picture, Section
 
 
@@ -33,7 +33,7 @@ class HowFarSection(Section):
                 "before": amount(c.rmse_before, c.unit),
                 "after": amount(c.rmse_after, c.unit),
                 "noise": amount(c.noise_floor, c.unit),
-                "closed": percent(c.closed_share) if d.added else "",
+                "closed": percent_within(c.closed_share, *c.ci90) if d.added else "",
                 "ci": share_span(*c.ci90) if d.added else "",
             }
             for c in d.closure

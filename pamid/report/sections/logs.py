@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, ClassVar
 
-from ..quantities import amount, effect, parameter, span
+from ..quantities import amount_within, effect, parameter, span
 from ..several import changed
 from .base import Section
 
@@ -32,7 +32,7 @@ class LogsSection(Section):
                             "day": log.day,
                             "effect": effect(name),
                             "parameter": parameter(word),
-                            "value": amount(p.value, p.unit),
+                            "value": amount_within(p.value, *p.ci90, p.unit),
                             "ci": span(*p.ci90, p.unit),
                         }
                     )

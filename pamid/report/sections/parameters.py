@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..causes import named, shown_unit
-from ..quantities import amount, parameter, percent, places, share_span, span
+from ..quantities import amount, amount_within, parameter, percent_within, places, share_span, span
 from .base import Section
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class ParametersSection(Section):
                 "name": names[0],
                 "others": names[1:],
                 "place": self.words.in_equation(c.equation),
-                "share": percent(c.share),
+                "share": percent_within(c.share, *c.share_ci90),
                 "ci": share_span(*c.share_ci90),
                 "rows": _rows(c, c.effects[0], c.parameters),
                 "instead": [
@@ -63,7 +63,7 @@ def _rows(cause: Cause, effect: str, parameters: Mapping[str, ParameterEstimate]
     return [
         {
             "name": parameter(name),
-            "value": amount(p.value, unit) + (f" ({p.physical})" if p.physical else ""),
+            "value": amount_within(p.value, *p.ci90, unit) + (f" ({p.physical})" if p.physical else ""),
             "ci": span(*p.ci90, unit) + (", at its physical limit" if p.at_bound else ""),
         }
         for name, p, unit in ((name, p, shown_unit(effect, name, p.unit, port)) for name, p in parameters.items())
