@@ -22,6 +22,6 @@ class ForceLag(OfForce, Lag):
 
     name = "force_lag"
     parameters = (
-        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the amplifier"),
+        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the sensor"),
         SECOND,
     )

@@ -29,7 +29,7 @@ class TransportDelay(Effect):
     source = "10.1115/1.1286336"
     n_states = 1
     sampled = True
-    parameters = (Parameter("delay", "s", 0.0, 0.2, 0.008, "time from command to valve"),)
+    parameters = (Parameter("delay", "s", 0.0, 0.2, 0.008, "time from the command to its effect"),)
     delay: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:

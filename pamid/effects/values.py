@@ -125,6 +125,15 @@ class Parameter:
         return max(self.lower, float(low)), min(self.upper, float(high))
 
     @property
+    def range_words(self) -> str:
+        """Its bounds in words, without the unit."""
+        if self.lower == _ABOVE_0:
+            return "more than 0"
+        if math.isinf(self.upper):
+            return "any number" if math.isinf(self.lower) else f"at least {self.lower:g}"
+        return f"{self.lower:g} to {self.upper:g}"
+
+    @property
     def share(self) -> bool:
         """Whether it is a share from 0 to 1 between two forms of one effect."""
         return (self.unit, self.lower, self.upper) == ("-", 0.0, 1.0)
@@ -135,7 +144,7 @@ class Parameter:
         return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
 
 
-def checked_value(effect: str, p: Parameter, value: Any) -> float:
+def checked_value(effect: str, p: Parameter, value: Any, units: str = "all units are SI") -> float:
     """Return the value of an effect's parameter, once it is known to be a number within its bounds.
 
     Parameters
@@ -146,6 +155,8 @@ def checked_value(effect: str, p: Parameter, value: Any) -> float:
         The parameter, with its unit and bounds.
     value : float
         What it is to be, in the parameter's unit.
+    units : str, default="all units are SI"
+        What the message says of the units.
 
     Raises
     ------
@@ -169,10 +180,11 @@ def checked_value(effect: str, p: Parameter, value: Any) -> float:
     if math.isfinite(number) and (inside := min(max(number, p.lower), p.upper)) != number:
         # A search in logarithms ends beside a bound by what is rounded.
         number = inside if abs(inside - number) <= 1e-12 * abs(number) else number
+    unit = "" if p.unit == "-" else f" {p.unit}"
     if not math.isfinite(number * number) or not p.lower <= number <= p.upper:
         raise ImplausibleParameterError(
-            f"{p.name} of the effect {effect} is {number:g} {p.unit}.",
-            f"{'more than 0' if p.lower == _ABOVE_0 else f'{p.lower:g} to {p.upper:g}'} {p.unit} ({p.description})",
-            "Correct the value; all units are SI.",
+            f"{p.name} of the effect {effect} is {number:g}{unit}.",
+            f"{p.range_words}{unit} ({p.description})",
+            f"Correct the value; {units}.",
         )
     return number

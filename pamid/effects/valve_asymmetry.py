@@ -29,8 +29,8 @@ class ValveAsymmetry(Effect):
     roles = ("command",)
     source = "ISO 6358-1:2013"
     parameters = (
-        Parameter("asymmetry", "-", -0.9, 0.9, 0.2, "conductance of the vent less that of the inlet", linear=True),
-        Parameter("split", "-", 0.0, 1.0, 0.0, "share of it that the inlet lacks"),
+        Parameter("asymmetry", "-", -0.9, 0.9, 0.2, "gain of negative commands less that of others", linear=True),
+        Parameter("split", "-", 0.0, 1.0, 0.0, "share of it that positive commands lack"),
     )
     asymmetry: float
     split: float

@@ -31,9 +31,9 @@ class ValveDeadZone(Effect):
     roles = ("command",)
     source = "10.1115/1.1286336"
     parameters = (
-        Parameter("width", "-", 0.0, 0.5, 0.04, "command below which the valve is shut"),
+        Parameter("width", "-", 0.0, 0.5, 0.04, "size of the command up to which nothing responds"),
         Parameter("stretch", "-", 0.0, 1.0, 0.0, "share of the lost travel that larger commands make up for"),
-        Parameter("skew", "-", -0.9, 0.9, 0.0, "by how much the zone is wider where the valve fills than on the mean"),
+        Parameter("skew", "-", -0.9, 0.9, 0.0, "by how much the zone is wider for positive commands than on the mean"),
         Parameter("rounding", "-", 0.0, 1.0, 0.0, "half width of the round edges, as a share of the zone"),
     )
     width: float

@@ -36,7 +36,7 @@ class ValveLag(Effect):
     source = "10.1115/1.1286336"
     n_states = 2
     parameters = (
-        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of the spool"),
+        Parameter("time_constant", "s", 1e-4, 0.5, 0.01, "time constant of what follows the command"),
         Parameter("second", "-", 0.0, 1.0, 0.0, "inertia: 0.25 for two lags alike, above it swings"),
     )
     time_constant: float

@@ -24,9 +24,7 @@ class ViscousFriction(Effect):
     equations = ("force",)
     roles = ("velocity",)
     source = "10.1114/1.1554921"
-    parameters = (
-        Parameter("coefficient", "N s", 0.0, 1e5, 60.0, "force per rate of contraction", linear=True, position=-1),
-    )
+    parameters = (Parameter("coefficient", "N s", 0.0, 1e5, 60.0, "force per speed", linear=True, position=-1),)
     coefficient: float
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

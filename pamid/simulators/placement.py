@@ -119,7 +119,7 @@ class Placement:
             sized = {unit, p.unit} != {"-"} or bool(self.powers.get(p.name))
             outward = replace(p, unit=unit, lower=p.lower * factor, upper=p.upper * factor)
             outward = outward.of_any_size() if sized else outward
-            out.values[p.name] = checked_value(named, outward, values[p.name]) / factor
+            out.values[p.name] = checked_value(named, outward, values[p.name], "units are those of the ports") / factor
             setattr(out, p.name, out.values[p.name])
         return out
 

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.cli import main
 from pamid.effects import Effect, Parameter
 from pamid.effects.plant import Surroundings
 from pamid.errors import (
@@ -160,3 +161,35 @@ def test_an_input_without_a_column_stands_where_its_port_says(stands: float) -> 
         evidence_of(log(1.0), blown)
     still = FunctionSimulator(blown.function, [replace(p, start=stands) if p.name == "wind" else p for p in ports], {})
     assert np.all(port_log(log(1.0), still).inputs(still)[1] == stands)
+
+
+@pytest.mark.parametrize(
+    ("effect", "at", "values", "found", "expected"),
+    [
+        ("actuator_dead_zone", "lift", "width = -1", "is -1 kN.", "at least 0 kN"),
+        ("actuator_dead_zone", "lift", "skew = 3", "is 3.", "-0.9 to 0.9 ("),
+        ("actuator_asymmetry", "lift", "asymmetry = -2", "is -2.", "-0.9 to 0.9 ("),
+        ("actuator_delay", "lift", "delay = -1", "is -1 s.", " s ("),
+        ("actuator_lag", "lift", "time_constant = -1", "is -1 s.", " s ("),
+        ("sensor_lag", "z", "time_constant = -1", "is -1 s.", " s ("),
+        ("viscous_friction", "z", "coefficient = -1", "is -1 ", "at least 0 "),
+    ],
+)
+def test_a_value_out_of_bounds_is_told_in_the_words_and_units_of_the_port(
+    tmp_path, capsys, effect, at, values, found, expected
+):
+    t = np.arange(0, 4, 0.02)
+    table = {"time": t, "lift": np.sin(3 * t), "z": -np.sin(3 * t) / 9, "w": -np.cos(3 * t) / 3}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    (tmp_path / "sim.toml").write_text(
+        'kind = "equations"\n[equations]\n"dz/dt" = "w"\n"dw/dt" = "lift"\n[ports]\n'
+        'lift = { kind = "input", unit = "kN" }\nz = { kind = "state", unit = "mm" }\n'
+        'w = { kind = "state", unit = "mm/s" }\n'
+        f'[[effects]]\neffect = "{effect}"\nat = "{at}"\n{values}\n'
+    )
+    assert main(["evaluate", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "sim.toml")]) == 2
+    told = capsys.readouterr().err
+    assert f"of the effect {effect} at {at} {found}" in told and expected in told
+    assert "units are those of the ports" in told
+    for word in ("valve", "vent", "inlet", "spool", "amplifier", "contraction", "inf", "SI"):
+        assert word not in told.partition("See docs")[0], word
