@@ -44,7 +44,7 @@ class Creep(Effect):
         Parameter("time_constant", "s", 0.02, 10.0, 1.0, "relaxation time of the fast spring", simplest=True),
         Parameter("slow_stiffness", "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True, position=-1),
         Parameter("slow_time_constant", "s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring"),
-        Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins"),
+        Parameter("settled", "-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins", neutral=True),
         Parameter("unknown", "-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True),
     )
     stiffness: float

@@ -66,6 +66,8 @@ class Parameter:
     factor : bool, default=False
         Whether 1 plus it multiplies a positive number, which may be wrong by orders of magnitude: steps and intervals
         are those of the logarithm of that factor.
+    neutral : bool, default=False
+        Whether it counts from the neutral contraction of a muscle, which other systems do not have.
 
     Examples
     --------
@@ -93,6 +95,7 @@ class Parameter:
     spacing: float = 0.0
     refines: bool = False
     factor: bool = False
+    neutral: bool = False
 
     def over(self, span: float, speed: float = 0.0) -> Parameter:
         """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.

@@ -179,7 +179,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if name in STOPS and not joint.position:
                 continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
-            hidden = tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit))
+            hidden = tuple(p.name for p in effect.parameters if p.neutral or "Pa" in unit_powers(p.unit))
             used = {r: s for r, s in follows.items() if r in effect.roles}
             prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
             made = placed(

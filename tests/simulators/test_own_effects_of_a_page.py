@@ -193,3 +193,22 @@ def test_a_value_out_of_bounds_is_told_in_the_words_and_units_of_the_port(
     assert "units are those of the ports" in told
     for word in ("valve", "vent", "inlet", "spool", "amplifier", "contraction", "inf", "SI"):
         assert word not in told.partition("See docs")[0], word
+
+
+def test_creep_at_a_joint_has_no_start_in_a_muscle_and_takes_it_from_an_older_page(tmp_path):
+    """`settled` counts from a muscle's neutral contraction: elsewhere it acts on nothing, and no fit may give it."""
+    t = np.arange(0, 4, 0.02)
+    log = pd.DataFrame({"time": t, "lift": np.sin(3 * t), "z": -np.sin(3 * t) / 9, "w": -np.cos(3 * t) / 3})
+    page = (
+        'kind = "equations"\n[equations]\n"dz/dt" = "w"\n"dw/dt" = "lift"\n[ports]\n'
+        'lift = { kind = "input" }\nz = { kind = "state" }\nw = { kind = "state" }\n'
+        '[[effects]]\neffect = "creep"\nat = "z"\nstiffness = 2.0\ntime_constant = 0.5\n'
+    )
+    errors = []
+    for more in ("", "settled = 0.0\n"):
+        (tmp_path / "sim.toml").write_text(page + more)
+        simulator = read_simulator(tmp_path / "sim.toml")
+        errors.append([e.rmse for e in evaluate_simulator(log, simulator).values()])
+    assert errors[0] == errors[1]
+    [creep] = [p for key, p in evidence_of(log, simulator).placements.items() if key == "creep@z"]
+    assert [p.name for p in creep.effect.parameters][-2:] == ["slow_time_constant", "unknown"]
