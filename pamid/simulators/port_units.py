@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..errors import PamidError, UnitWarning
+from ..signals.unit_names import unit_name
+from ..signals.units import UNITS
 from .base import Simulator
+from .ports import Port
 from .structure import kinematic_pairs
 
 if TYPE_CHECKING:
@@ -22,10 +25,10 @@ _GAIN = 5.0
 _ALIKE = 0.95
 _LEAST = 5_000.0
 """Pa; what a pressure port never exceeds in a whole log is read in bar, kPa or MPa, not in Pa."""
-_KNOWN = (
-    (180 / np.pi, "degrees for rad"), (30 / np.pi, "rpm for rad/s"), (1e3, "mm for m, or mV for V"), (1e2, "cm or %"),
-    (10.0, "mm for cm"), (1e-5, "bar for Pa"), (1e-3, "kPa for Pa"), (1e-6, "MPa for Pa"), (3.6, "km/h for m/s"),
-)  # fmt: skip
+ABOUT, CLOSE = 0.1, 0.02
+"""How far a factor may be, in its logarithm, from that of a unit: as a model says it, and as a rate does."""
+_COUNTS = 50.0
+"""Range beyond which whole numbers are counts rather than settings."""
 
 
 def tell_unit_doubts(simulator: Simulator, log: PortLog) -> None:
@@ -56,17 +59,19 @@ def _beyond_range(simulator: Simulator, log: PortLog) -> Iterator[str]:
             continue
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
         if least < low - (high - low) or most > high + (high - low):
-            unit = simulator.port(name).unit
-            yield (
-                f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {unit}"
-                f"{_word((most - least) / (high - low)) if unit != 'rad' else ', as degrees would'}"
-            )
+            unit, port = simulator.port(name).unit, simulator.port(name)
+            said = f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {unit}"
+            if unit == "rad":
+                yield f"{said}, as degrees would ({_option(port, ':deg')})"
+            else:
+                yield said + _ways_out(_Way(port, (high - low) / (most - least), values))
 
 
 def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
     for name, values in log.channels.items():
         if simulator.port(name).unit == "Pa" and 0.0 < np.nanmax(np.abs(values)) < _LEAST:
-            yield f"{name} looks like bar, kPa or MPa: it is at most {np.nanmax(np.abs(values)):.3g} Pa"
+            option = _option(simulator.port(name), ":UNIT")
+            yield f"{name} looks like bar, kPa or MPa: it is at most {np.nanmax(np.abs(values)):.3g} Pa ({option})"
     yield from _beyond_range(simulator, log)
     if simulator.form != "ode" or not set(simulator.states) <= log.channels.keys():
         return
@@ -85,7 +90,10 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
             said = (
                 f"or {speed} seems to be in another unit: {position} changes {factor:.4g} times as fast as {speed} says"
             )
-            said += _word(factor)
+            said += _ways_out(
+                _Way(simulator.port(position), 1.0 / factor, x[k], CLOSE),
+                _Way(simulator.port(speed), factor, x[of], CLOSE),
+            )
         elif alike < _ALIKE and _is_rate(x[k][rows], rates[of]):
             said = f"and {speed} seem to be exchanged: {position} is the rate of {speed}"
         else:
@@ -104,11 +112,12 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         i = int(np.argmax(np.std(does, axis=1)))
         factor, alike = _factor(does[i], seen[i])
         if alike > _ALIKE and factor < 0.0:
-            yield f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it"
+            option = _option(simulator.port(name), "*-1")
+            yield f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it ({option} turns it)"
         elif alike > _ALIKE and not 1 / _GAIN < factor < _GAIN:
             yield (
                 f"{name} seems to be in another unit: {simulator.states[i]} moves as with {factor:.3g} times its values"
-                f"{_word(1.0 / factor)}"
+                f"{_ways_out(_Way(simulator.port(name), factor, u[k]))}"
             )
 
 
@@ -128,9 +137,44 @@ def _factor(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
     return float(y @ y / (x @ y)) if x @ y else np.inf, abs(float(x @ y)) / both
 
 
-def _word(factor: float) -> str:
-    """Return the unit that a factor suggests; empty if none."""
-    near = [word for known, word in _KNOWN if abs(np.log(factor / known)) < 0.1]
-    back = [f"the other way round, {word}" for known, word in _KNOWN if abs(np.log(factor * known)) < 0.1]
-    found = near or back
-    return f", as {found[0]}" if found else ""
+class _Way(NamedTuple):
+    """A column whose values times a factor may be those of its port."""
+
+    port: Port
+    times: float
+    values: np.ndarray
+    within: float = ABOUT
+    """How far the factor may be off, in its logarithm."""
+
+
+def _ways_out(*ways: _Way) -> str:
+    """Return the units that factors suggest, and what to write; without any, how to write the factors themselves."""
+    likely, plain = [], []
+    for port, times, values, within in ways:
+        found, factor = _units(port.unit, times, within), _option(port, f"*{times:.3g}")
+        if found:
+            likely.append(f"{port.name} in {' or '.join(found)} would ({_option(port, f':{found[0]}')})")
+        elif np.ptp(values) > _COUNTS and np.array_equal(values, np.round(values)):
+            likely.append(f"{port.name}, in whole numbers, in counts of a converter would ({factor})")
+        plain.append(factor)
+    return f", as {' or '.join(likely)}" if likely else f" ({' or '.join(plain)} converts it)"
+
+
+def _option(port: Port, how: str) -> str:
+    """Return how to say a column's unit or factor."""
+    return f"pamid init --signal '{port.source}=COLUMN{how}'"
+
+
+def _units(unit: str, times: float, within: float) -> list[str]:
+    """Return the units, two at most, whose readings times a factor are in the unit of a port, the nearest first.
+
+    Of a port whose unit nobody knows, no unit is likelier than another.
+    """
+    own = UNITS.get(unit_name(unit) or "") if unit not in ("", "-") else None
+    if own is None:
+        return []
+    off: dict[float, str] = {}  # names of one unit differ in spelling alone: the first counts
+    for name, other in UNITS.items():
+        if other.dimension == own.dimension and other.factor != own.factor:
+            off.setdefault(abs(float(np.log(other.factor / (own.factor * times)))), name)
+    return [off[apart] for apart in sorted(off) if apart < within][:2]

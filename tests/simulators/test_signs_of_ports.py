@@ -43,7 +43,21 @@ CHANGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     "speed": (lambda d: d.assign(v=-d["v"]), "x or v seems to have the opposite sign"),
     "exchanged": (lambda d: d.rename(columns={"x": "v", "v": "x"}), "x and v seem to be exchanged"),
     "factor": (lambda d: d.assign(x=1.7 * d["x"]), "x changes 1.7"),
-    "degrees": (lambda d: d.assign(x=57.3 * d["x"]), "as degrees for rad"),
+    "millimetres": (lambda d: d.assign(x=1e3 * d["x"]), "as x in mm would (pamid init --signal 'x=COLUMN:mm')"),
+    "feet a second": (
+        lambda d: d.assign(v=d["v"] / 0.3048),
+        "as v in ft/s would (pamid init --signal 'v=COLUMN:ft/s')",
+    ),
+    "millivolts": (lambda d: d.assign(u=1e3 * d["u"]), "as u in mV would (pamid init --signal 'u=COLUMN:mV')"),
+    "counts of a converter": (
+        lambda d: d.assign(x=(3276.8 * d["x"]).round()),
+        "x, in whole numbers, in counts of a converter would (pamid init --signal 'x=COLUMN*0.000305')",
+    ),
+    "a scale of a converter": (
+        lambda d: d.assign(x=0.61 * d["x"]),
+        "(pamid init --signal 'x=COLUMN*1.64' or pamid init --signal 'v=COLUMN*0.61' converts it)",
+    ),
+    "a drive of a third": (lambda d: d.assign(u=d["u"] / 7.0), "(pamid init --signal 'u=COLUMN*6"),
 }
 
 
