@@ -230,7 +230,8 @@ def assign(draft: Draft, pair: str) -> None:
         column, _, reference = rest.rpartition(":")
     column, colon, unit = column.rpartition(":")
     column, unit = (column, unit) if colon else (unit, "")
-    column, star, factor = column.rpartition("*")
+    own = column in map(str, draft.table.frame.columns)  # a * may be part of a name
+    column, star, factor = ("", "", column) if own else column.rpartition("*")
     try:
         column, scale = (column, float(factor)) if star else (factor, 1.0)
     except ValueError:

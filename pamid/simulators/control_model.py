@@ -69,11 +69,9 @@ class ControlSimulator(Simulator):
         self.step = float(found.dt) if found.dt else 0.0
         self.form = "run" if self.step else "ode"
         self.source, self.folder = source, Path()
-        named = [
-            *(Port(_plain(n), "input") for n in found.input_labels),
-            *(Port(_plain(n), "state") for n in found.state_labels),
-            *(Port(_plain(n), "output") for n in found.output_labels),
-        ]
+        labels = {"input": found.input_labels, "state": found.state_labels, "output": found.output_labels}
+        _refuse_alike([label for some in labels.values() for label in some])
+        named = [Port(_plain(label), kind) for kind, some in labels.items() for label in some]
         super().__init__(merged(named, ports), {}, effects)
 
     @classmethod
@@ -132,6 +130,19 @@ def _state_space(system: Any) -> Any:
     if not all(np.isfinite(np.asarray(m, dtype=float)).all() for m in (found.A, found.B, found.C, found.D)):
         raise ParameterError("The system's matrices are not finite.", "finite numbers", "Correct the system.")
     return found
+
+
+def _refuse_alike(labels: Sequence[str]) -> None:
+    """Raise where two labels give one name of a port."""
+    first: dict[str, str] = {}
+    for label in labels:
+        if (name := _plain(label)) in first:
+            raise ParameterError(
+                f"The labels {first[name]!r} and {label!r} of the system both give the port {name}.",
+                "labels of inputs, states and outputs that differ in letters and digits",
+                "Rename one: system.update_names(inputs=..., states=..., outputs=...).",
+            )
+        first[name] = label
 
 
 def _plain(label: str) -> str:

@@ -14,6 +14,7 @@ from ..signals.units import UNITS
 from .ports import Port
 from .words import DIMENSIONS_OF, ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
 
+_MARKS = "*'′"
 EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
 """Weights of the clues: a port's own name outweighs all others together."""
 
@@ -153,8 +154,8 @@ def is_named(place: Place, column: Column) -> bool:
 
 
 def letters(name: str) -> str:
-    """Return the letters and digits of a name."""
-    return "".join(c for c in name.casefold() if c.isalnum())
+    """Return the letters and digits of a name, and the marks by which ``q*`` and ``q'`` are others than ``q``."""
+    return "".join(c for c in name.casefold() if c.isalnum() or c in _MARKS)
 
 
 def role_score(place: Place, column: Column) -> float:
