@@ -50,7 +50,8 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
     if simulator.states_equation:
         return stated(log, simulator)
     at_ports = port_log(log, simulator)
-    tell_if_unsteady(simulator, at_ports)
+    if unsteady := tell_if_unsteady(simulator, at_ports):
+        at_ports = replace(at_ports, notes=[*at_ports.notes, unsteady])
     tell_unit_doubts(simulator, at_ports)
     derived = measured_states(simulator, at_ports)
 

@@ -18,28 +18,36 @@ _SAME = 1e-6
 """Relative difference that warm-started solvers may show."""
 
 
-def tell_if_unsteady(simulator: Simulator, log: PortLog) -> None:
-    """Warn where a simulator is random or keeps state between calls; it is tested once."""
-    if not simulator.executes or getattr(simulator, "_asked_twice", False):
-        return
-    simulator._asked_twice = True  # type: ignore[attr-defined]
+def tell_if_unsteady(simulator: Simulator, log: PortLog) -> str:
+    """Warn, once, where a simulator is random or keeps state between calls; return what was said."""
+    told: str | None = getattr(simulator, "_unsteady", None)
+    if told is None:
+        told = unsteadiness(simulator, log)
+        simulator._unsteady = told  # type: ignore[attr-defined]
+        if told:
+            warnings.warn(told, SimulatorWarning, stacklevel=2)
+    return told
+
+
+def unsteadiness(simulator: Simulator, log: PortLog) -> str:
+    """Return that a simulator is random or keeps state between calls, and how much; empty where it does not."""
+    if not simulator.executes:
+        return ""
     try:
         first, again = _asked(simulator, log)
     except PamidError:
-        return  # reported where it is actually evaluated
+        return ""  # reported where it is actually evaluated
     size = np.max(np.abs(first), axis=-1, keepdims=True, initial=0.0)
     apart = np.abs(again - first) > _SAME * size + 1e-300
     if not apart.any():
-        return
+        return ""
     rows, worst = apart.any(axis=-1), float(np.nanmax(np.abs(again - first) / np.maximum(size, 1e-300)))
     names = simulator.states if simulator.form == "ode" else simulator.outputs
     where = ", ".join(n for n, wrong in zip(names, rows, strict=False) if wrong) or "its answer"
-    warnings.warn(
+    return (
         f"Called twice with the same inputs, the simulator returns different values of {where} (by up to {worst:.2g} "
         "of the largest value): it is random, or keeps state between calls. Fits and intervals need repeatable values: "
-        "fix its seed in each call, and keep no state from one call to the next.",
-        SimulatorWarning,
-        stacklevel=2,
+        "fix its seed in each call, and keep no state from one call to the next."
     )
 
 

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import re
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.cli import main
 from pamid.errors import SimulatorWarning
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
@@ -71,3 +75,33 @@ def test_a_simulator_that_keeps_nothing_is_not_told():
     with warnings.catch_warnings():
         warnings.simplefilter("error", SimulatorWarning)
         evidence_of(log(), cart([], lambda kept, u: 0.0))
+
+
+def test_every_command_that_runs_a_random_simulator_says_the_same(tmp_path, monkeypatch, capsys):
+    """In `diagnose` it is among the notes of the answer, too; without trust nothing runs."""
+    monkeypatch.chdir(tmp_path)
+    log().to_csv("log.csv", index=False)
+    code = "import random\n\ndef rates(t, x, u, p):\n    return [x.v, u.F / p.m + 1e-3 * random.gauss(0, 1)]\n"
+    Path("cart.py").write_text(code)
+    Path("sim.toml").write_text(
+        'kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = { kind = "input", unit = "N" }\n'
+        'x = { kind = "state", unit = "m" }\nv = { kind = "state", unit = "m/s" }\n[parameters]\nm = 2.0\n'
+    )
+    sentence = re.compile(
+        r"Called twice with the same inputs, the simulator returns different values of v \(by up to [\d.e-]+ of the "
+        r"largest value\): it is random, or keeps state between calls\. Fits and intervals need repeatable values: fix "
+        r"its seed in each call, and keep no state from one call to the next\."
+    )
+    given = ["log.csv", "--sim", "sim.toml"]
+    commands = {
+        "check": [], "evaluate": [], "init": ["--yes", "--out", "setup"],
+        "diagnose": ["--effects", "viscous_friction", "--out", "out"],
+    }  # fmt: skip
+    for command, more in commands.items():
+        assert main([command, *given, "--trust", *more]) == 0
+        assert sentence.search(" ".join("".join(capsys.readouterr()).split())), command
+    notes = json.loads(Path("out/diagnosis.json").read_text(encoding="utf-8"))["notes"]
+    assert any(sentence.fullmatch(note) for note in notes)
+    for command in ("check", "init"):
+        assert main([command, *given, *commands[command], *(["--force"] if command == "init" else [])]) == 0
+        assert not sentence.search(" ".join("".join(capsys.readouterr()).split()))

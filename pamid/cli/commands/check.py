@@ -105,21 +105,24 @@ def _own_names(args: argparse.Namespace) -> list[str]:
 
 
 def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
-    """Return what contradicts the ports of a simulator that is data: units, signs, places, stops."""
+    """Return what contradicts the ports of a simulator, and whether it repeats itself; without trust no code runs."""
     from ...errors import PamidError
     from ...simulators.page import MODELS, read_outline
     from ...simulators.port_log import port_log
     from ...simulators.port_units import unit_doubts
+    from ...simulators.steadiness import unsteadiness
     from .._simulators import runs_code
 
     try:
-        if runs_code(args.sim):
+        if runs_code(args.sim) and not args.trust:
             if Path(args.sim).suffix.lower() not in MODELS:
                 read_outline(args.sim)
-            note(args, f"{args.sim} runs code: its ports are compared with the columns by 'pamid evaluate'")
+            note(args, f"{args.sim} runs code: --trust lets its ports be compared with the columns")
             return []
         simulator: Any = any_simulator_of(args)
-        return [f"{text}." for text in unit_doubts(simulator, port_log(log, simulator))]
+        at_ports = port_log(log, simulator)
+        told = unsteadiness(simulator, at_ports)
+        return [*([told] if told else []), *(f"{text}." for text in unit_doubts(simulator, at_ports))]
     except PamidError as error:
         return [f"The columns are not compared with the ports: {error}"]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -35,6 +36,8 @@ from .._simulators import add_trust_option
 from ..common import add_command, print_json, table
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from ...simulators import Simulator
     from ...systems.draft import Draft
 
@@ -170,8 +173,19 @@ def _of_model(args: argparse.Namespace) -> int:
     if not args.json:
         show(draft)
     doubt = "" if missing else without_column(draft, simulator, doubts)
+    if args.trust and given_page and not missing:
+        _try(simulator, log)
     tell(args, draft, log, write(draft, folder), doubt, missing)
     return 0
+
+
+def _try(simulator: Simulator, log: pd.DataFrame) -> None:
+    """Warn if a simulator that may run does not repeat itself."""
+    from ...simulators.port_log import port_log
+    from ...simulators.steadiness import tell_if_unsteady
+
+    with contextlib.suppress(PamidError):  # reported where the simulator is compared with the log
+        tell_if_unsteady(simulator, port_log(log, simulator))
 
 
 def _page_alone(args: argparse.Namespace, draft: Draft, columns: dict[str, str], simulator: Simulator) -> int:
