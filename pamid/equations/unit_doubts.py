@@ -26,6 +26,13 @@ atmosphere in at most ten."""
 _TIMES = 3.0
 """How many times smaller each other unit has to make the errors: units that are mistaken for each other are a factor of
 4.4 apart and more, and an atmosphere is three times the offset of any sensor that works."""
+_FAULT = 5.0
+"""Factor that no fault of a sensor or valve reaches, nor a wrong number of a simulator."""
+_TOLD_BY: tuple[tuple[str, set[str], set[str]], ...] = (
+    ("F", {"force"}, set()), ("u", {"valve"}, {"flow"}), ("u", {"gas_valve"}, set()),
+    ("mdot", {"flow", "valve"}, set()), ("mdot", {"flow"}, set()),
+)  # fmt: skip
+"""Columns that a factor may be missing from, the equations that are then off, and one that has to agree."""
 _SMALL = 0.01  # share of the signal below which no simulator is better than another
 _SCALES_OF_MEASURED = {"force": "F", "flow": "mdot", "valve": "mdot"}
 _SCALES_OF_MODELLED = {"valve": "u", "gas_valve": "u"}
@@ -159,7 +166,30 @@ def unit_doubts(
             f"{100 * best.errors[key]:.3g} % of its signal instead of {100 * before[key]:.3g} %. "
             "Correct the mapping of the log, or the simulator."
         )
-    return found
+    return found or [*_of_no_known_unit(as_is)]
+
+
+def _of_no_known_unit(sums: Mapping[Key, _Products]) -> Iterator[str]:
+    """Yield the column of a muscle whose values times one factor make all its equations that are off agree."""
+    for muscle in MUSCLES:
+        own = {equation: s for (equation, of), s in sums.items() if of == muscle}
+        off = {equation for equation, s in own.items() if s.error() >= 1.0 - 1.0 / _FAULT}  # as such a factor leaves
+        for channel, equations, beside in _TOLD_BY:
+            if off != equations or not beside <= own.keys():
+                continue
+            modelled = channel == "u"
+            wrong = [own[e] for e in off]
+            factors = [s.both / max(s.modelled if modelled else s.measured, 1e-300) for s in wrong]
+            factor, column = float(np.median(factors)), f"{channel}{muscle}"
+            name = max(off, key=lambda e: own[e].error())
+            left = max(s.error(*((1.0, factor) if modelled else (factor, 1.0))) for s in wrong)
+            if factor > 0.0 and not 1 / _FAULT < factor < _FAULT and max(left, _SMALL) * _TIMES < own[name].error():
+                yield (
+                    f"{column} may be in another unit, as counts of a converter are: times {factor:.3g}, the error of "
+                    f"the {name} equation is {100 * left:.3g} % of its signal instead of {100 * own[name].error():.3g} "
+                    f"%. If so: pamid init --signal '{column}=COLUMN*{factor:.3g}'; else correct the simulator."
+                )
+                break
 
 
 def _choices(

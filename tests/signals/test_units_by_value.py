@@ -128,3 +128,11 @@ def test_a_pressure_that_falls_to_nothing_or_below_is_gauge(wide, tmp_path, caps
         wrong.to_csv(tmp_path / "log.csv", index=False)
         assert main(["check", str(tmp_path / "log.csv"), "--json"]) == 0
         assert any("that looks like gauge pressure" in t for t in json.loads(capsys.readouterr().out)["warnings"])
+
+
+@pytest.mark.parametrize(("column", "times"), [("F1", 3276.8), ("F2", 0.0305), ("u1", 3276.8), ("mdot2", 7.0)])
+def test_a_factor_of_no_known_unit_is_told_with_its_column(column: str, times: float) -> None:
+    log = simulate(BENCH, [sine(4, 15, 400), sine(2, 10, 400)], seed=0)
+    (doubt,) = unit_doubts(log.assign(**{column: times * log[column]}), BENCH)
+    found = float(doubt.partition("=COLUMN*")[2].partition("'")[0])
+    assert doubt.startswith(f"{column} may be in another unit") and found == pytest.approx(1.0 / times, rel=0.05)
