@@ -34,7 +34,7 @@ from ..files import named_from
 from .base import Simulator
 from .fmu_worker import is_whole, receive, send
 from .ports import RESERVED, ModelParameter, Port, merged
-from .workers import ended, started
+from .workers import ended, killed, started
 
 SECONDS, BYTES = 60.0, 4 * 2**30
 """Default limits of time and memory for a run of an FMU."""
@@ -157,12 +157,20 @@ class FmuSimulator(Simulator):
         start = np.hstack([p, x0])
         workers = self._workers[: 2 if len(u) > 3 and (os.cpu_count() or 1) > 1 else 1]
         shares = np.array_split(np.arange(len(u)), len(workers))
+        for w in workers:
+            w.begin()
         with ThreadPoolExecutor(len(workers)) as pool:
             asked = [
                 pool.submit(w.asked, said, {"t": t, "u": u[share], "start": start[share]}, int(share[0]))
                 for w, share in zip(workers, shares, strict=True)
             ]
-            return np.concatenate([a.result()[1]["y"] for a in asked])
+            try:
+                return np.concatenate([a.result()[1]["y"] for a in asked])
+            except BaseException as error:
+                if not isinstance(error, SimulatorRunError):  # hung, dead or interrupted: nobody waits for the rest
+                    for w in workers:
+                        w.kill()
+                raise
 
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the parameters of the FMU with the values that its description gives them."""
@@ -203,8 +211,19 @@ class _Worker:
         self._process: subprocess.Popen[bytes] | None = None
         self._ended: Callable[[], object] = lambda: None
 
+    def begin(self) -> None:
+        """Start the process, unless it runs."""
+        self._started()
+
+    def kill(self) -> None:
+        """Kill the process; who waits for its answer hears that it has died."""
+        if self._process is not None:
+            killed(self._process)
+
     def _started(self) -> subprocess.Popen[bytes]:
-        if self._process is None or self._process.poll() is not None:
+        if self._process is not None and self._process.poll() is not None:
+            self._given_up()
+        if self._process is None:
             # The process may be killed, and cannot remove the folder itself.
             folder = tempfile.mkdtemp(prefix="pamid_fmu_")
             said = [str(self.path.resolve()), str(BYTES), folder]

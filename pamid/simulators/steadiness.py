@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..errors import PamidError, SimulatorWarning
+from ..errors import ForeignSimulatorError, PamidError, SimulatorWarning
 from .base import Simulator
 
 if TYPE_CHECKING:
@@ -35,6 +35,8 @@ def unsteadiness(simulator: Simulator, log: PortLog) -> str:
         return ""
     try:
         first, again = _asked(simulator, log)
+    except ForeignSimulatorError:
+        raise  # it has hung or died: whoever asks again waits again
     except PamidError:
         return ""  # reported where it is actually evaluated
     size = np.max(np.abs(first), axis=-1, keepdims=True, initial=0.0)

@@ -28,12 +28,8 @@ def ended(process: subprocess.Popen[bytes]) -> None:
     """End a process and its children, and close its pipes."""
     if process in _ENDED:  # its number may have been reused
         return
+    killed(process)
     _ENDED.add(process)
-    with contextlib.suppress(OSError):
-        if os.name == "posix":
-            os.killpg(process.pid, signal.SIGKILL)
-        else:
-            process.kill()
     with contextlib.suppress(OSError, subprocess.TimeoutExpired):
         process.kill()
         process.wait(timeout=5)
@@ -41,3 +37,12 @@ def ended(process: subprocess.Popen[bytes]) -> None:
         if stream is not None:
             with contextlib.suppress(OSError):
                 stream.close()
+
+
+def killed(process: subprocess.Popen[bytes]) -> None:
+    """Kill a process and its children; its pipes stay open for who reads them."""
+    with contextlib.suppress(OSError):
+        if os.name == "posix":
+            os.killpg(process.pid, signal.SIGKILL)
+        else:
+            process.kill()

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pamid.cli import main
 from pamid.errors import ForeignSimulatorError, SimulatorRunError
 from pamid.export.ode_fmu import ode_fmu
 from pamid.simulators import FmuSimulator, fmu_model, workers
@@ -94,15 +95,8 @@ def test_a_worker_imports_nothing_from_the_folder_of_the_user(tmp_path: Path) ->
     assert b"was run" not in process.communicate()[1]
 
 
-@pytest.mark.parametrize(
-    ("inside", "error"),
-    [("return 2;", "status Discard"), ("return 3;", "status Error"), ("return -1;", "status -1"),
-     ("((Instance *)instance)->v[1] = 0.0 / 0.0; return 0;", "z at 0.4 s is nan"),
-     ("__builtin_trap();", "exit code -")],
-    ids=["discards", "fails", "no status", "no number", "dies"],
-)  # fmt: skip
-def test_a_step_that_fails_is_told_with_its_time_or_exit(inside: str, error: str, tmp_path: Path) -> None:
-    """What an FMU returns is no number of a comparison then."""
+def foreign(folder: Path, inside: str) -> Path:
+    """Return an FMU whose steps do something else after 0.25 s."""
     pytest.importorskip("fmpy")
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
@@ -114,14 +108,72 @@ def test_a_step_that_fails_is_told_with_its_time_or_exit(inside: str, error: str
     [source], [library] = ([n for n in parts if n.startswith(f)] for f in ("sources/", "binaries/"))
     assert parts[source].count(begin) == 1
     code = parts[source].replace(begin, begin + f" if (now > 0.25) {{ {inside} }} ".encode())
-    (tmp_path / "a.c").write_bytes(code)
-    subprocess.run([compiler, "-shared", "-fPIC", "-o", "a.so", "a.c", "-lm"], cwd=tmp_path, check=True)
-    with zipfile.ZipFile(tmp_path / "a.fmu", "w") as whole:
+    (folder / "a.c").write_bytes(b"#include <stdio.h>\n#include <stdlib.h>\n#include <unistd.h>\n" + code)
+    subprocess.run([compiler, "-shared", "-fPIC", "-o", "a.so", "a.c", "-lm"], cwd=folder, check=True)
+    with zipfile.ZipFile(folder / "a.fmu", "w") as whole:
         for name, data in parts.items():
-            whole.writestr(name, (tmp_path / "a.so").read_bytes() if name == library else data)
-    simulator = FmuSimulator(tmp_path / "a.fmu", trust=True)
+            whole.writestr(name, (folder / "a.so").read_bytes() if name == library else data)
+    return folder / "a.fmu"
+
+
+@pytest.mark.parametrize(
+    ("inside", "error"),
+    [("return 2;", "status Discard"), ("return 3;", "status Error"), ("return -1;", "status -1"),
+     ("((Instance *)instance)->v[1] = 0.0 / 0.0; return 0;", "z at 0.4 s is nan"),
+     ("__builtin_trap();", "exit code -")],
+    ids=["discards", "fails", "no status", "no number", "dies"],
+)  # fmt: skip
+def test_a_step_that_fails_is_told_with_its_time_or_exit(inside: str, error: str, tmp_path: Path) -> None:
+    """What an FMU returns is no number of a comparison then."""
+    simulator = FmuSimulator(foreign(tmp_path, inside), trust=True)
     with pytest.raises((SimulatorRunError, ForeignSimulatorError), match=error):
         simulator.run(np.arange(0, 1, 0.1), np.ones((1, 10)), np.zeros(0), np.zeros(0))
+
+
+PAGE = """kind = "fmu"
+[fmu]
+fmu = "a.fmu"
+seconds = {}
+[ports]
+go = {{ kind = "input" }}
+z = {{ kind = "output" }}
+"""
+
+
+def endless(folder: Path, seconds: float) -> list[str]:
+    """Return the arguments of an evaluation whose FMU never ends a step."""
+    foreign(folder, 'fclose(fopen("begun", "w")); for (;;) ;')
+    (folder / "sim.toml").write_text(PAGE.format(seconds))
+    rows = (f"{0.01 * k:.2f},{np.sin(0.1 * k)},{np.sin(0.1 * k + 0.1)}" for k in range(100))
+    (folder / "log.csv").write_text("\n".join(["time,go,z", *rows]))
+    return ["evaluate", str(folder / "log.csv"), "--sim", str(folder / "sim.toml"), "--trust", "--quiet"]
+
+
+def test_a_step_that_never_ends_is_waited_for_once(tmp_path: Path, monkeypatch, capsys) -> None:
+    """Whether the simulator repeats its answer is asked first, and its error is the error of the command."""
+    begun = []
+    monkeypatch.setattr(fmu_model, "started", lambda *a, **k: begun.append(a) or workers.started(*a, **k))
+    assert main(endless(tmp_path, 1.0)) == 2
+    assert "did not answer within 1 s" in capsys.readouterr().err
+    assert len(begun) == 1
+
+
+def test_a_command_that_is_ended_ends_a_step_that_never_ends(tmp_path: Path) -> None:
+    (tmp_path / "t").mkdir()
+    environment = {**os.environ, "TMPDIR": str(tmp_path / "t")}
+    command = [sys.executable, "-m", "pamid", *endless(tmp_path, 60.0)]
+    caller = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, cwd=tmp_path)
+    try:
+        for _ in range(600):
+            if begun := list((tmp_path / "t").glob("pamid_fmu_*/**/begun")):
+                break
+            time.sleep(0.05)
+        assert begun
+        caller.send_signal(signal.SIGTERM)
+        assert b"interrupted" in caller.communicate(timeout=15)[1]
+        assert not any((tmp_path / "t").iterdir())
+    finally:
+        caller.kill()
 
 
 def test_states_begin_at_the_start_values_of_the_description(tmp_path: Path) -> None:
