@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import ctypes
 import io
 import json
 import os
@@ -17,8 +19,11 @@ from typing import IO, Any
 
 import numpy as np
 
+from .workers import MARK, kill_marked
+
 MOST_UNPACKED = 500_000_000
 """Most bytes that an FMU may unpack to."""
+_SUBREAPER = 36  # PR_SET_CHILD_SUBREAPER of prctl
 
 
 def send(stream: IO[bytes], said: dict[str, Any], arrays: dict[str, np.ndarray] | None = None) -> None:
@@ -112,6 +117,13 @@ def limited(memory: int, seconds: int | None = None) -> None:
         pass
 
 
+def adopt_orphans() -> None:
+    """Become the parent of descendants whose parents end, so that they are found; Linux only."""
+    if sys.platform == "linux":
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SUBREAPER, *map(ctypes.c_ulong, (1, 0, 0, 0)))
+
+
 class FailedRunError(Exception):
     """A run of a batch that failed: which, and how."""
 
@@ -178,6 +190,7 @@ def main() -> None:
     os.dup2(2, 1)  # what the FMU prints is not an answer
     path, memory, folder = sys.argv[1], int(sys.argv[2]), sys.argv[3]
     limited(memory)
+    adopt_orphans()
     threading.Thread(target=_leave_with, args=(os.getppid(), folder), daemon=True).start()
     try:
         _serve(_Served(path, folder), path, answers)
@@ -209,6 +222,7 @@ def _leave_with(parent: int, folder: str) -> None:
 
 def _leave(folder: str) -> None:
     """Remove unpacked files, and end with all processes that the FMU has started."""
+    kill_marked(os.environ.get(MARK, ""))
     shutil.rmtree(folder, ignore_errors=True)
     if os.name == "posix" and os.getpgrp() == os.getpid():
         os.killpg(os.getpid(), signal.SIGKILL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import io
 import os
 import shutil
@@ -174,6 +175,41 @@ def test_a_command_that_is_ended_ends_a_step_that_never_ends(tmp_path: Path) -> 
         assert not any((tmp_path / "t").iterdir())
     finally:
         caller.kill()
+
+
+STARTS = """static int n;
+if (!n++ && !fork()) {{
+  setsid();
+  if (!fork()) {{
+    setsid();
+    FILE *f = fopen("{0}.part", "w"); fprintf(f, "%d", getpid()); fclose(f); rename("{0}.part", "{0}");
+    {1}
+    for (;;) sleep(1);
+  }}
+  _exit(0);
+}}
+while (access("{0}", 0)) usleep(1000);
+"""
+"""Starts an orphan in a session of its own, and waits until it has told its number."""
+
+
+@pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="lists of processes")
+@pytest.mark.parametrize("end", ["is told to end", "has no caller", "dies"])
+def test_what_an_fmu_has_started_in_another_session_ends_with_it(end: str, tmp_path: Path) -> None:
+    other = 'char *none[] = {0}; execle("/bin/sleep", "sleep", "99", (char *)0, none);' if end != "dies" else ""
+    inside = STARTS.format(tmp_path / "pid", other) + ("__builtin_trap();" if end == "dies" else "")
+    simulator = FmuSimulator(foreign(tmp_path, inside), trust=True)
+    with pytest.raises(ForeignSimulatorError) if end == "dies" else contextlib.nullcontext():
+        simulator.run(np.arange(0, 1, 0.1), np.ones((1, 10)), np.zeros(0), np.zeros(0))
+    child, process = int((tmp_path / "pid").read_text()), simulator._workers[0]._process
+    try:
+        if process is not None:
+            assert process.stdin is not None and Path(f"/proc/{child}/stat").exists()
+            workers.ended(process) if end == "is told to end" else process.stdin.close()
+        assert gone(child)
+    finally:
+        with contextlib.suppress(OSError):
+            os.kill(child, signal.SIGKILL)
 
 
 def test_states_begin_at_the_start_values_of_the_description(tmp_path: Path) -> None:
