@@ -1,21 +1,27 @@
-"""Loading an untrusted MuJoCo model: compiled in a separate process first, unless it is clearly small."""
+"""Loading an untrusted MuJoCo model: loaded in a separate process first, unless it is clearly small."""
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import tempfile
 import xml.etree.ElementTree as ET
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ..errors import SimulatorNotFoundError, SimulatorSyntaxError, needs
+from ..errors import SimulatorNotFoundError, SimulatorRunError, SimulatorSyntaxError, needs
 from .workers import ended, started
 
 MOST_BYTES = 50_000_000
 MEMORY, SECONDS = 4 * 2**30, 30
-"""Bytes and processor seconds within which a model must compile."""
+"""Bytes and processor seconds within which a model must load."""
+COMPILED: dict[Path, Any] = {}
+"""Models that this process has compiled already."""
 _STREAMS = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
 _PLAIN_BYTES = 200_000
+_PLAIN_ITEMS = 500
+"""Elements of a model that is loaded in this process at once: at worst all are joints, which takes about 2 s."""
 _PLAIN_TAGS = frozenset(
     [
         "mujoco",
@@ -124,6 +130,8 @@ def _silent(message: str) -> None:
 def loaded_model(path: Path) -> Any:
     """Return the model of an MJCF file."""
     mj = mujoco_module()
+    if path in COMPILED:
+        return COMPILED.pop(path)
     if not path.is_file():
         raise SimulatorNotFoundError(f"{path} does not exist.", "an MJCF file", "Check the path.")
     if path.stat().st_size > MOST_BYTES:
@@ -131,13 +139,39 @@ def loaded_model(path: Path) -> Any:
     if not _plainly_small(path):
         return _by_trial(path, mj)
     try:
-        return mj.MjModel.from_xml_path(str(path))
+        model = mj.MjModel.from_xml_path(str(path))
+        mj.mj_forward(model, mj.MjData(model))
+        return model
     except (ValueError, mj.FatalError, mj.UnexpectedError) as error:
         raise _no_mjcf(path, str(error)) from None
 
 
+def given_state(path: Path, m: Any) -> int:
+    """Return what of a state is given to a model: positions, speeds, commands and forces at joints."""
+    kinds = mujoco_module().mjtState
+    spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
+    if mujoco_module().mj_stateSize(m, spec) != 3 * m.nv + m.nu:
+        raise SimulatorSyntaxError(f"{path} has other states.", "only joints and inputs", "Leave them out.")
+    return int(spec)
+
+
+@contextlib.contextmanager
+def running(path: Path) -> Iterator[None]:
+    """Tell what MuJoCo cannot go on with, such as more contacts than it has memory for."""
+    mj = mujoco_module()
+    try:
+        yield
+    except (mj.FatalError, mj.UnexpectedError) as error:
+        raise SimulatorRunError(
+            f"MuJoCo failed in {path}: {' '.join(str(error).split())}.",
+            "a model that runs at the states of the log",
+            "Look at its contacts and at the log's units, or give it more memory (<size memory>).",
+        ) from None
+
+
 def _no_mjcf(path: Path, error: str) -> SimulatorSyntaxError:
-    return SimulatorSyntaxError(f"{path} is not valid MJCF: {error}.", "a model that MuJoCo loads", "Correct it.")
+    said = " ".join(error.split()).rstrip(".")
+    return SimulatorSyntaxError(f"{path} is not valid MJCF: {said}.", "a model that MuJoCo loads", "Correct it.")
 
 
 def _plainly_small(path: Path) -> bool:
@@ -151,11 +185,16 @@ def _plainly_small(path: Path) -> bool:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError, LookupError, RecursionError):
         return False
-    return root.tag == "mujoco" and all(
-        item.tag in _PLAIN_TAGS
-        and item.attrib.keys() <= _PLAIN_WORDS
-        and (item.tag not in ("geom", "joint", "site") or item.get("type", "sphere") in _PLAIN_SHAPES)
-        for item in root.iter()
+    items = list(root.iter())
+    return (
+        root.tag == "mujoco"
+        and len(items) <= _PLAIN_ITEMS
+        and all(
+            item.tag in _PLAIN_TAGS
+            and item.attrib.keys() <= _PLAIN_WORDS
+            and (item.tag not in ("geom", "joint", "site") or item.get("type", "sphere") in _PLAIN_SHAPES)
+            for item in items
+        )
     )
 
 
@@ -175,12 +214,13 @@ def _by_trial(path: Path, mj: Any) -> Any:
             return mj.MjModel.from_binary_path(str(out))
         if not text or "MemoryError" in text or "allocate" in text.lower():
             raise _too_large(path)
-        raise _no_mjcf(path, text.rstrip("."))
+        raise _no_mjcf(path, text)
 
 
 def _too_large(path: Path) -> SimulatorSyntaxError:
     return SimulatorSyntaxError(
-        f"MuJoCo cannot compile {path} within {MEMORY / 2**30:g} GiB and {SECONDS} s of processor time.",
+        f"{path} cannot be loaded within {MEMORY / 2**30:g} GiB and {SECONDS} s of processor time.",
         "a model of ordinary size, of plain files",
-        "Look at its height fields, meshes, flexcomp, replicate, size and include; leave out what pamid does not need.",
+        "Look at the number of its elements, its height fields, meshes, flexcomp, replicate, size and include; "
+        "leave out what pamid does not need.",
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -15,7 +14,7 @@ from ..files import named_from
 from .base import Carried, Simulator
 from .integrate import STEPS
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
-from .mujoco_loading import loaded_model
+from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text, write_full_inertia
@@ -89,6 +88,7 @@ class MujocoSimulator(Simulator):
     ) -> None:
         self.path = Path(model)
         self._m = _loaded(self.path)
+        self._given = given_state(self.path, self._m)
         self._d = _mujoco().MjData(self._m)
         self._joints = _names(self._m, "joint")
         _mujoco().mj_forward(self._m, self._d)
@@ -263,15 +263,6 @@ class MujocoSimulator(Simulator):
         finally:
             m.opt.timestep, m.opt.integrator = known
 
-    @cached_property
-    def _given(self) -> int:
-        """What of a state is given to the model."""
-        mj, kinds = _mujoco(), _mujoco().mjtState
-        spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
-        if mj.mj_stateSize(self._m, spec) != 3 * self._m.nv + self._m.nu:
-            raise ParameterError(f"{self.path} has other states.", "only joints and inputs", "Leave them out.")
-        return int(spec)
-
     def _each(
         self, x: np.ndarray, u: np.ndarray, p: np.ndarray, size: int, read: Callable[[], np.ndarray],
         sensors: bool = False, advance: Callable[[int], None] | None = None,
@@ -285,16 +276,17 @@ class MujocoSimulator(Simulator):
         if not (np.isfinite(given).all() and np.isfinite(numbers).all()):
             rows = np.flatnonzero(np.isfinite(given).all(axis=1) & np.isfinite(numbers).all(axis=1)).tolist()
         differs, at = (numbers[1:] != numbers[:-1]).any(axis=1).tolist(), -1
-        for k in rows:
-            if at < 0 or any(differs[at:k]):
-                self._set(numbers[k])
-            at = k
-            put(m, d, given[k], spec)
-            if advance is None:
-                forward(m, d, stage, not sensors)
-            else:
-                advance(k)
-            out[k] = read()
+        with running(self.path):
+            for k in rows:
+                if at < 0 or any(differs[at:k]):
+                    self._set(numbers[k])
+                at = k
+                put(m, d, given[k], spec)
+                if advance is None:
+                    forward(m, d, stage, not sensors)
+                else:
+                    advance(k)
+                out[k] = read()
         return out.T
 
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:

@@ -5,15 +5,17 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
 
 from pamid.cli import main
-from pamid.errors import SimulatorSyntaxError
+from pamid.errors import SimulatorRunError, SimulatorSyntaxError
 from pamid.simulators import mujoco_loading
 from pamid.simulators.mujoco_model import MujocoSimulator
 
+by_trial = mujoco_loading._by_trial
 ARM = '<body name="arm"><joint name="hinge"/><geom size="0.1" mass="1"/>{}</body>'
 HOSTILE = {
     "a height field of 10^10 points": (
@@ -31,6 +33,8 @@ HOSTILE = {
     "endless zeros": ('<include file="/dev/zero"/>', "", ""),
     "a pipe": ('<include file="pipe.xml"/>', "", ""),
     "a mesh of endless zeros": ('<asset><mesh name="m" file="/dev/zero"/></asset>', '<geom type="mesh" mesh="m"/>', ""),
+    "thousands of joints": ("", "", '<body><joint/><geom size="1" contype="0" conaffinity="0"/></body>' * 2500),
+    "thousands of bodies in one place": ("", "", '<body><geom size="1"/></body>' * 5000),
     "a file included in itself": ('<include file="arm.xml"/>', "", ""),
 }  # fmt: skip
 
@@ -53,13 +57,31 @@ def test_what_would_take_the_machine_is_refused(what: str, tmp_path, monkeypatch
     (tmp_path / "log.csv").write_text("time,hinge_q\n0,0\n0.1,0\n0.2,0\n")
     assert main(["evaluate", "log.csv", "--sim", "arm.xml", "--quiet"]) == 2
     said = capsys.readouterr().err
-    assert "arm.xml" in said and ("cannot compile" in said or "is not valid MJCF" in said)
+    assert "arm.xml" in said and ("cannot be loaded" in said or "is not valid MJCF" in said)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["arm.xml", "log.csv", "pipe.xml"]
 
 
 def test_an_ordinary_model_needs_no_other_process(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(mujoco_loading, "_by_trial", lambda *_: pytest.fail("a process was started"))
     assert MujocoSimulator(written(tmp_path)).states == ("hinge_q", "hinge_dq")
+
+
+def test_a_model_of_many_elements_is_loaded_in_another_process_first(tmp_path, monkeypatch) -> None:
+    tried = []
+    monkeypatch.setattr(mujoco_loading, "_by_trial", lambda path, mj: tried.append(path) or by_trial(path, mj))
+    path = written(tmp_path, beside='<body><geom size="0.1"/></body>' * 300)
+    assert MujocoSimulator(path).states == ("hinge_q", "hinge_dq")
+    assert tried == [path]
+
+
+def test_contacts_beyond_the_memory_of_a_model_are_told(tmp_path) -> None:
+    """Where the model begins there are none: they come with the states of a log."""
+    balls = (f'<body pos="{3 * k} 0 0"><joint type="slide" axis="1 0 0"/><geom size="1"/></body>' for k in range(1, 60))
+    model = MujocoSimulator(written(tmp_path, '<size memory="40K"/>', beside="".join(balls)))
+    x = np.zeros((len(model.states), 1))
+    x[2::2, 0] = -3.0 * np.arange(1, 60)
+    with pytest.raises(SimulatorRunError, match=r"MuJoCo failed in .*arm\.xml: .*memory"):
+        model.rate(np.zeros(1), x, np.zeros((len(model.inputs), 1)), model.numbers[:, None])
 
 
 def test_a_model_of_other_files_is_the_same_by_way_of_the_other_process(tmp_path, monkeypatch) -> None:
