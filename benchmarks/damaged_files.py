@@ -1,7 +1,8 @@
-"""What becomes of damaged logs, simulator files, model files and streams: refused, reported, or without effect.
+"""What becomes of damaged logs, simulators, model files and streams: refused, reported, or without effect.
 
 Each damage is one step of a list, so that every run makes the same files. ``--out DIR`` keeps logs and simulators. What
-is done to model files and streams stands in ``damaged_models.py`` and ``damaged_streams.py``.
+is done to model files, streams, FMUs and MuJoCo files stands in ``damaged_models.py``, ``damaged_streams.py`` and
+``damaged_foreign.py``.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ import scipy.io
 
 sys.path.append(str(Path(__file__).resolve().parents[1]))
 
-from benchmarks import damaged_models, damaged_streams
+from benchmarks import damaged_foreign, damaged_models, damaged_streams
 from pamid.bench import BenchParameters, simulate, sine, step
 from pamid.equations import evaluate_log
 from pamid.errors import PamidError, PamidWarning
@@ -315,6 +316,7 @@ def main() -> None:
                 print(f"  silent: {damage.damage}: {outcome.said[:100]}")
     damaged_models.main()
     damaged_streams.main()
+    damaged_foreign.main([])
 
 
 if __name__ == "__main__":

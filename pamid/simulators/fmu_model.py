@@ -259,7 +259,7 @@ class _Worker:
                 "Give it more time (seconds in [fmu]), or fix it.",
             )
         if "error" in answer[0]:
-            text = str(answer[0]["error"])
+            text = " ".join(str(answer[0]["error"]).split()).rstrip(".")  # a line, as all errors
             if "No module named 'fmpy'" in text:
                 raise MissingDependencyError(
                     "fmpy is not installed.", "the package fmpy", "pip install 'pamid[export]'."

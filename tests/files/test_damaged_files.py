@@ -8,7 +8,9 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import shutil
 import sys
+import tempfile
 import warnings
 from pathlib import Path
 
@@ -21,6 +23,7 @@ if not (ROOT / "benchmarks").is_dir():
     pytest.skip("needs the repository", allow_module_level=True)
 sys.path.append(str(ROOT))
 
+from benchmarks import damaged_foreign  # noqa: E402
 from benchmarks.damaged_files import (  # noqa: E402
     CELLS,
     TEXTS,
@@ -106,6 +109,60 @@ def test_commands_refuse_or_answer(logs, tmp_path, capsys):
         if out:
             json.loads(out)
         assert fingerprints(damaged.path.parent) == before
+
+
+# --- FMUs and MuJoCo files -------------------------------------------------------------------------------------
+def taken(kind: str, number: int, seed: int, folder: Path) -> set[str]:
+    """Return how damaged files were taken; anything but an answer or an error of three sentences fails."""
+    if kind == "fmu":
+        pytest.importorskip("fmpy")
+        if not any(shutil.which(name) for name in ("cc", "gcc", "clang")):
+            pytest.skip("needs a C compiler")
+    pytest.importorskip("mujoco")
+    found = damaged_foreign.outcomes(kind, number, folder, seed)
+    assert found.pop("nothing") == "answered"
+    assert {damage: said for damage, said in found.items() if said not in damaged_foreign.GOOD} == {}
+    return set(found.values())
+
+
+@pytest.mark.parametrize(("kind", "number"), [("mujoco", 20), ("fmu", 20)])
+def test_a_damaged_foreign_simulator_answers_or_is_refused(kind: str, number: int, tmp_path: Path) -> None:
+    assert taken(kind, number, 0, tmp_path) == {"answered", "refused"}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["mujoco", "fmu"])
+def test_many_damaged_foreign_simulators_answer_or_are_refused(kind: str, tmp_path: Path) -> None:
+    assert taken(kind, 200, 1, tmp_path) == {"answered", "refused"}
+
+
+def raising(argv: list[str]) -> int:
+    raise ValueError(argv)
+
+
+def saying_little(argv: list[str]) -> int:
+    sys.stderr.write("pamid: error: no")
+    return 2
+
+
+def logging(argv: list[str]) -> int:
+    Path("MUJOCO_LOG.TXT").touch()
+    return 0
+
+
+def unpacking(argv: list[str]) -> int:
+    return len(tempfile.mkdtemp(prefix="pamid_")) * 0
+
+
+@pytest.mark.parametrize(
+    ("command", "said"),
+    [(raising, "raised ValueError"), (saying_little, "no three sentences"), (logging, "left here/MUJOCO_LOG.TXT"),
+     (unpacking, "left temporary/pamid_"), (lambda argv: 1, "inside pamid: 1")],
+    ids=["raises", "says little", "logs", "unpacks", "other code"],
+)  # fmt: skip
+def test_what_is_wrong_is_not_called_good(command, said: str, tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(damaged_foreign, "command", command)
+    assert damaged_foreign.outcome("mujoco", b"", tmp_path).startswith(said)
 
 
 # --- what nobody thought of -------------------------------------------------------------------------------------
