@@ -97,7 +97,9 @@ def descend(
         promised = loglik(ahead, parts, weights)[0] - prior.cost(here.x + full)
         # A step that is cut short promises less than the way that goes on from there.
         short = bool(np.any(((full <= -room.back) & (lower == -room.back)) | ((full >= room.on) & (upper == room.on))))
-        if promised <= here.loglik + enough or (promised <= behind and not short):
+        # Where residuals are curved, the next step may gain as much again.
+        far = promised + (promised - here.loglik) <= behind
+        if promised <= here.loglik + enough or (far and not short):
             if anew:
                 break
             anew = True
