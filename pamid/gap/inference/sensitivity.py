@@ -59,12 +59,13 @@ class Template:
         found = [dict(self.fixed)]
         sizes = [p for p in self.kind.parameters if not p.share] if self.kind is not None else []
         if len(sizes) == 1 and x[0] > 0.0 and not 0.7 <= x[0] <= 1.0 / 0.7 and sizes[0].lower >= 0.0:
-            # Part of an effect that vanishes with its only size, or with its inverse, is the effect with part of it, and
-            # more than all of it the effect with more.
+            # Part of an effect that vanishes with its only size, or with its inverse, is the effect with part of it;
+            # more than all of it is the effect with more.
             [p], share = sizes, float(max(x[0], 0.005))
             found.append({**self.fixed, p.name: min(p.upper, p.lower + (self.fixed[p.name] - p.lower) * share)})
             found.append({**self.fixed, p.name: float(np.clip(self.fixed[p.name] / share, p.lower, p.upper))})
-            if share < 1.0 and p.idle and self.top < np.inf:  # part of a limit's effect is a limit nearer to what the signal reaches
+            # Part of a limit's effect is a limit nearer to what the signal reaches.
+            if share < 1.0 and p.idle and self.top < np.inf:
                 found.append({**self.fixed, p.name: self.top + (self.fixed[p.name] - self.top) * share})
         return found
 
