@@ -13,10 +13,13 @@ import numpy as np
 from ...effects import Effect
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from .protocol import Active
 
 PIECES = 8
 """Pieces of a step in which what effects make of a held input is followed: the mean of a lag of half a step is exact to
 2e-3."""
+TIMINGS = "timing", "bend"
+"""What is not known of an input within a sample."""
 STEPS = "step of the integrator"
 """Name of the parameter: 0 for no step, 1 for one as long as a sample."""
 OWN_STEP = "step of the model"
@@ -65,6 +68,15 @@ def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bo
     return np.asarray((y.sum(axis=1) + 0.5 * (end - y[:, 0])) / PIECES)
 
 
+def passed_on(active: Active, u: np.ndarray, inputs: Sequence[str], log: PortLog, held: bool) -> np.ndarray:
+    """Return inputs as the effects on them pass them on, each as `driven` has it."""
+    for place, made in active:
+        if place.enters == "input" and not place.acts:
+            k, u = list(inputs).index(place.at), u.copy()
+            u[k] = driven(place, made, u[k], log, held)
+    return u
+
+
 def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the inputs with one of them half a sample early, or bent by a third of its second difference.
 
@@ -74,7 +86,7 @@ def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tupl
     acts like a twelfth more.
     """
     there, back = after(u, log), before(u, log)
-    for name, change in (("timing", 0.25 * (there - back)), ("bend", (there - 2.0 * u + back) / 3.0)):
+    for name, change in zip(TIMINGS, (0.25 * (there - back), (there - 2.0 * u + back) / 3.0), strict=True):
         for k, of in enumerate(inputs):
             if np.ptp(u[k]) > 0.0:
                 moved = u.copy()

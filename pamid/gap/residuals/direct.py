@@ -40,7 +40,7 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .bends import matters, means, simpson, steps_of
-from .between_rows import after, driven, timings
+from .between_rows import after, passed_on, timings
 from .derived import rounded_off, speed_slopes
 from .kinematic import ACCURACY, bent, both_measured, nuisances
 from .port_windows import PortWindows
@@ -216,8 +216,7 @@ class DirectEvidence(UndoneEvidence):
                     self.skews[name] = np.zeros(ends[-1])
                     self.skews[name][part] = own
         if self.simulator.form == "ode":
-            for name, u in timings(self.simulator.inputs, self._u, self.log):
-                column = self._under(u) - plain
+            for name, column in self._timed(self._own).items():
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
             derived, step = list(self.derived.values()), self.simulator.own_step
@@ -228,6 +227,11 @@ class DirectEvidence(UndoneEvidence):
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
         self._allow()
+
+    def _timed(self, active: Active) -> dict[str, np.ndarray]:
+        u = passed_on(active, self._u, self.simulator.inputs, self.log, not self.lines)
+        plain = self._under(u)
+        return {name: self._under(moved) - plain for name, moved in timings(self.simulator.inputs, u, self.log)}
 
     def _accelerations(self) -> np.ndarray:
         """Return the modelled rates of all states at both ends of each step."""
@@ -312,11 +316,7 @@ class DirectEvidence(UndoneEvidence):
         for place, made in active:
             if place.enters == "parameter":
                 p = changed(p, place, made, simulator, log)
-        for place, made in active:
-            if place.enters == "input" and not place.acts:
-                k = simulator.inputs.index(place.at)
-                u = u.copy()
-                u[k] = driven(place, made, u[k], log, not self.lines)
+        u = passed_on(active, u, simulator.inputs, log, not self.lines)
         shown, pushed = u.copy(), np.hstack([u, self._ends(u)])
         added = np.zeros((len(x), 2 * log.n))
         for place, made in active:

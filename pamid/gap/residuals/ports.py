@@ -95,6 +95,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self.skews: dict[str, np.ndarray] = {}
         self._turning: dict[str, bool] = {}
         self._laid: Remembered[np.ndarray] = Remembered(MOST_LAID)
+        self._timings: Remembered[dict[str, np.ndarray]] = Remembered(MOST_LAID)
         self._own: Active = []
 
     def _settle(self) -> None:
@@ -167,7 +168,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
         self._again()
-        self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({})
+        self.value = self._residual(self._own, self.simulator.numbers) + self._skewed({}, self._own)
         self._kept.clear()
         self.z0 = self._whitening.white(self.value / self.noise)
         self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
@@ -392,11 +393,6 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
         return out
 
-    def _skewed(self, deviations: Mapping[str, float]) -> np.ndarray | float:
-        """Return the contribution of clock offsets to the residuals; it is linear in them."""
-        about = dict(zip(self.free, self.about, strict=True))
-        return sum((column * (about[k] + deviations.get(k, 0.0)) for k, column in self.skews.items()), 0.0)
-
     def _allow(self) -> None:
         """Make what is not known within a sample free parameters."""
         self.free = [*self.free, *self.skews]
@@ -413,8 +409,9 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         if not spec and not any((deviations or {}).values()):
             return self.z0.copy()
         known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
-        found = self._kept.get(repr(known), lambda: self._bare(self.active(spec), deviations or {}))
-        return self._whitening.white(self._finite(found + self._skewed(deviations or {})) / self.noise)
+        active = self.active(spec)
+        found = self._kept.get(repr(known), lambda: self._bare(active, deviations or {}))
+        return self._whitening.white(self._finite(found + self._skewed(deviations or {}, active)) / self.noise)
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
         """Return the deviations that need new residuals: clocks act linearly."""
@@ -424,12 +421,13 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
         moved = {k: v for k, v in self._named(step).items() if v}
         if moved.keys() <= self.skews.keys():
-            return self._whitening.white(sum(self.skews[k] * v for k, v in moved.items()) / self.noise)
+            skews = self._skews_under(active)
+            return self._whitening.white(sum(skews[k] * v for k, v in moved.items()) / self.noise)
         return super()._nudged(x, step, active)
 
     def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
         """Return the residuals under effects and changed parameters, in the units of their equations."""
-        return self._finite(self._bare(active, deviations) + self._skewed(deviations))
+        return self._finite(self._bare(active, deviations) + self._skewed(deviations, active))
 
     def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
         """Return the same without clock offsets; not finite where the simulator is not."""

@@ -15,7 +15,7 @@ from ...simulators.base import Simulator
 from ...simulators.integrate import Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from .between_rows import drawn, driven
+from .between_rows import drawn, passed_on
 from .protocol import Active
 from .response import Drive, Response
 from .states import integral
@@ -69,13 +69,11 @@ class PredictedEvidence(StretchEvidence):
     def _drive(self, active: Active, numbers: np.ndarray) -> Drive:
         """Return the inputs and parameters under effects, with effects that act like forces."""
         log, simulator = self.log, self.simulator
-        u, p = self._u, np.repeat(numbers[:, None], log.n, axis=1)
+        u = passed_on(active, self._u, simulator.inputs, log, not self.lines)
+        p = np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
             if place.enters == "parameter":
                 p = place.adjusted(made, p, list(simulator.parameters), log.along)
-            elif place.enters == "input" and not place.acts:
-                k, u = simulator.inputs.index(place.at), u.copy()
-                u[k] = driven(place, made, u[k], log, not self.lines)
             elif place.acts and simulator.form == "run":  # a force there depends on what the log reads
                 u = u.copy()
                 none = np.zeros((0, log.n))

@@ -17,7 +17,7 @@ from ...simulators.base import Simulator
 from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
 from ..settings import TOLERANCE
-from .between_rows import STEPS
+from .between_rows import STEPS, TIMINGS
 from .protocol import Spec
 from .whitening import Whitening
 
@@ -44,7 +44,9 @@ class Tolerances(ABC):
     parts: list[slice]
     weights: np.ndarray
     _own: Active
+    skews: dict[str, np.ndarray]
     _laid: Remembered[np.ndarray]
+    _timings: Remembered[dict[str, np.ndarray]]
     _whitening: Whitening
     curved = False
 
@@ -96,9 +98,40 @@ class Tolerances(ABC):
         In the linear case it is `J`, whatever the effects and deviations.
         """
         if not self.curved or not (spec or np.any(x)):
-            return self.J
+            return self._linear_slopes(spec)
         key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
         return self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
+
+    def _linear_slopes(self, spec: Spec) -> np.ndarray:
+        """Return the slopes of the linear case, where an effect on an input may change what of it is unknown."""
+        skews, J = self._skews_under(self.active(spec)) if spec else self.skews, self.J
+        for name, column in skews.items():
+            if column is not self.skews[name]:
+                J = J.copy() if J is self.J else J
+                J[:, self.free.index(name)] = self._whitening.white(column / self.noise)
+        return J
+
+    # --- what is unknown within a sample ------------------------------------------------------------------------
+    def _timed(self, active: Active) -> dict[str, np.ndarray]:
+        """Return the columns of when within a sample inputs act, as effects on them pass them on."""
+        return {}
+
+    def _skews_under(self, active: Active) -> Mapping[str, np.ndarray]:
+        """Return the columns of nuisance parameters under effects: what passes an input on decides what is shifted."""
+        on = [(place, made) for place, made in active if place.enters == "input" and not place.acts]
+        names = {f"{what} of {place.at}" for what in TIMINGS for place, _ in on} & self.skews.keys()
+        if not names:
+            return self.skews
+        key = repr([(place.key, made.values) for place, made in on]) + repr(self.simulator.numbers.tobytes())
+        found = self._timings.get(key, lambda: self._timed(on))
+        return self.skews | {k: v for k, v in found.items() if k in names and np.all(np.isfinite(v))}
+
+    def _skewed(self, deviations: Mapping[str, float], active: Active) -> np.ndarray | float:
+        """Return the contribution of nuisance parameters to the residuals; it is linear in them."""
+        about = dict(zip(self.free, self.about, strict=True))
+        sizes = {k: about[k] + deviations.get(k, 0.0) for k in self.skews}
+        skews = self._skews_under(active) if any(sizes.values()) else self.skews
+        return sum((column * sizes[k] for k, column in skews.items() if sizes[k]), 0.0)
 
     def _slopes_at(self, active: Active, x: np.ndarray, step: float = SMALL) -> np.ndarray:
         """Return the slopes under effects and deviations, by small steps."""
