@@ -18,7 +18,7 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._answers import compared, each, keep, kept, times_of
-from benchmarks._own import commute, named, practice, right, sensors, shorter
+from benchmarks._own import commute, named, practice, right, sensors, shorter, varied
 
 SUITES = {
     "commute": commute,
@@ -27,8 +27,9 @@ SUITES = {
     "right": right,
     "named": named,
     "practice": practice,
+    "varied": varied,
 }
-CASES = {"commute": 9, "library": 5, "sensors": 8, "right": 10, "named": 10, "practice": 6}
+CASES = {"commute": 9, "library": 5, "sensors": 8, "right": 10, "named": 10, "practice": 6, "varied": 18}
 """Cases of a quick run."""
 
 

@@ -23,33 +23,40 @@ class Log(NamedTuple):
         What was withheld, in words.
     wanted : tuple of str
         Patterns: each has to match a name of a cause of its own, and no cause may be left over.
+    effects : tuple of str
+        The effects that were withheld, which any library needs.
     """
 
     page: str
     logs: str
     truth: str
     wanted: tuple[str, ...]
+    effects: tuple[str, ...]
 
 
 _DRY = "(coulomb|stribeck|directional)\\w*friction"
 LOGS = {
-    "backlash": Log("drive.toml", "drv*.csv", "play of 0.5° between motor and load", ("(backlash|play)\\w*@",)),
+    "backlash": Log(
+        "drive.toml", "drv*.csv", "play of 0.5° between motor and load", ("(backlash|play)\\w*@",), ("backlash",)
+    ),
     "hydraulic": Log(
         "hyd.toml", "hyd*.csv", "leak between the chambers 6e-12 m³/s/Pa and Coulomb friction of 350 N",
-        ("leak\\w*@\\w*p[AB]", f"{_DRY}@\\w*(pos|vel)"),
+        ("leak\\w*@\\w*p[AB]", f"{_DRY}@\\w*(pos|vel)"), ("leakage", "coulomb_friction"),
     ),
     "quartercar": Log(
-        "car.toml", "run*.csv", "dry friction of 90 N in the strut, between wheel and body", (f"{_DRY}@",)
+        "car.toml", "run*.csv", "dry friction of 90 N in the strut, between wheel and body", (f"{_DRY}@",),
+        ("coulomb_friction",),
     ),
     "control_pole": Log(
         "plant.toml", "step*.csv", "pole of 60 ms at the input or at the output, nobody can tell",
-        ("(actuator_lag@u0.*sensor_lag@y0|sensor_lag@y0.*actuator_lag@u0)",),
+        ("(actuator_lag@u0.*sensor_lag@y0|sensor_lag@y0.*actuator_lag@u0)",), ("actuator_lag", "sensor_lag"),
     ),
     "go1_friction": Log(
         "sim.toml", "leg_*.csv", "thigh damping 2 to 3.2 N m s/rad, calf dry friction 0.2 to 0.7 N m",
         ("(viscous_friction|back_emf|parameter_deviation)@\\S*thigh", f"({_DRY}|deviation)@\\S*calf"),
+        ("viscous_friction", "parameter_deviation", "coulomb_friction"),
     ),
-    "mjdz": Log("arm.xml", "arm.csv", "dead zone of 0.9 N m", ("actuator_dead_zone@motor",)),
+    "mjdz": Log("arm.xml", "arm.csv", "dead zone of 0.9 N m", ("actuator_dead_zone@motor",), ("actuator_dead_zone",)),
 }  # fmt: skip
 FOLDER: list[Path] = []
 """Where the logs lie, set by the command."""
@@ -71,9 +78,12 @@ def read(folder: Path, log: Log) -> tuple[Any, Any]:
 
 def solve(name: str) -> Record:
     """Return what is said of one folder."""
-    wanted = LOGS[name]
-    log, simulator = read(FOLDER[0] / name, wanted)
-    answer = ask(log, simulator)
+    return judged(name, *read(FOLDER[0] / name, LOGS[name]))
+
+
+def judged(name: str, log: Any, simulator: Any, effects: Any = "all") -> Record:
+    """Return what is said of a log of one folder, and whether it is right."""
+    wanted, answer = LOGS[name], ask(log, simulator, effects)
     left = [" ".join(sorted(names)) for names in names_of(answer)]
     missing = []
     for pattern in wanted.wanted:
