@@ -236,11 +236,11 @@ def _by_formula(
     simulator: Simulator, b: Between, first: LinkEnd, second: LinkEnd, ratio: float, coupled: Link | None
 ) -> Link:  # fmt: skip
     """Return a pair whose simulator file states the inertia of each end."""
-    from .equation_model import formulas
+    from .equation_model import Formulas
 
     assert b.inertia is not None
     names = {"t", *simulator.states, *simulator.inputs, *simulator.parameters}
-    asked = formulas(dict(zip(("first", "second"), b.inertia, strict=True)), names)
+    asked = Formulas(dict(zip(("first", "second"), b.inertia, strict=True)), names)
     factors = [factor_of(e.unit) for e in (first, second)]
 
     def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:

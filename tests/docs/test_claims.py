@@ -99,7 +99,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield security, f"| features, terms | {_model_fit.MOST_FEATURES:,} |"
     yield security, f"| `n_jobs` in a file | {_model_checks.MOST_JOBS} |"
     limits = f"{mujoco_loading.SECONDS} s, {mujoco_loading.MEMORY / 2**30:g} GiB"
-    yield security, f"compiled in a separate process ({limits})"
+    yield security, f"loaded in a separate process first ({limits})"
     yield security, f"own process: {fmu_model.SECONDS:g} s a run, {fmu_model.BYTES / 2**30:g} GiB"
     refused = re.findall(r'"(\.\w+)"', inspect.getsource(fits))
     assert {".pt", ".pkl"} <= set(refused)

@@ -52,6 +52,10 @@ class FirstOrder(Worth):
             found = [*self._close_singles(about), *(s for s in found if len(s.templates) > 1)]
         return Screen(about, self._singles(about), found)
 
+    def about_nothing(self, library: Sequence[Template]) -> Subsets:
+        """Return the subsets of another library, about no effect."""
+        return self._about(self.base, library=library)
+
     def alone(self) -> dict[str, Single]:
         """Return what each effect explains by itself."""
         return self._singles(self._about(self.base)) if self.templates else {}

@@ -34,7 +34,7 @@ def runs_differ(first: FirstOrder, screen: Screen, odds: float) -> bool:
     nothing, borders = screen.about.fit(()), np.unique(first.evidence.run)[1:]
     best = max((s.score for s in screen.contenders), default=nothing.score)
     cut = list(_cut(first, borders))
-    about = first._about(first.base, library=cut)
+    about = first.about_nothing(cut)
     for t in np.argsort(-about.gains(about.fit(())), kind="stable")[:KEPT]:
         subset = about.fit((int(t),))
         found = subset.score - about.cost[cut[int(t)].effect] + odds  # a size more, and the change itself
