@@ -106,7 +106,12 @@ def add_parser(subparsers: Any) -> None:
     )
     limits.add_argument("--no-shut", action="store_true", help="the valves cannot be shut")
     limits.add_argument("--no-single", action="store_true", help="one muscle cannot be kept at constant pressure")
-    parser.add_argument("--designs", type=int, default=200, metavar="N", help="number of designs to try (default: 200)")
+    parser.add_argument(
+        "--designs",
+        type=int,
+        metavar="N",
+        help="number of designs to try (default: 200, fewer for long runs of MuJoCo)",
+    )
     parser.add_argument(
         "--for",
         dest="purpose",
@@ -122,8 +127,8 @@ def run(args: argparse.Namespace) -> int:
     from ...gap.several.history import read_history
 
     out = check_folder(args.out or str(Path(args.folder) / "next"), FILES, size=_ROOM, parents=True)
-    if not 8 <= args.designs <= 20_000:
-        raise ParameterError(f"--designs is {args.designs}.", "8 to 20000", "Leave it at 200.")
+    if args.designs is not None and not 8 <= args.designs <= 20_000:
+        raise ParameterError(f"--designs is {args.designs}.", "8 to 20000", "Leave it out.")
 
     def read(page: str) -> Any:
         return read_simulator(page, trust=args.trust)
@@ -164,7 +169,7 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
     from ...gap.design.next_run import next_run_after
     from ...simulators import Simulator
 
-    given: dict[str, Any] = {}
+    given: dict[str, Any] = {} if args.designs is None else {"designs": args.designs}
     if isinstance(history.simulator, BenchParameters):
         for option, value in (("--limit", args.limit), ("--keep", args.keep), ("--change", args.change)):
             if value:
@@ -173,7 +178,7 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
                 )
         given["limits"] = _limits(args, history)
     elif isinstance(history.simulator, Simulator):
-        given = {
+        given |= {
             "limits": dict(_pair(text, "--limit", _range) for text in args.limit),
             "keep": dict(_pair(text, "--keep", _range) for text in args.keep),
             "rates": dict(_pair(text, "--rate", _number) for text in args.rate),
@@ -181,7 +186,7 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
             "seconds": args.seconds,
             "runs": args.runs,
         }
-    return next_run_after(history, designs=args.designs, purpose=args.purpose, seed=args.seed, progress=step, **given)
+    return next_run_after(history, purpose=args.purpose, seed=args.seed, progress=step, **given)
 
 
 def _pair(text: str, option: str, value: Callable[[str], Any]) -> tuple[str, Any]:

@@ -20,6 +20,7 @@ from ..one_equation import equation_of, fitted_together
 from ..residuals.ports import PortEvidence
 from ..residuals.shooting import ShootingEvidence
 from ..residuals.single import SignalEvidence
+from ..settings import SEARCH_ROWS
 from ..simulated import evidence_of
 from .equation import EquationRig
 from .known import cleaned
@@ -35,6 +36,8 @@ TIMES = 0.5, 2.0
 """Other values of a parameter, as multiples, that are tried where no run distinguishes and no change is declared."""
 MOST_PROPOSED, FEW = 6, 30
 """Number of parameters for which they are tried, and of designs evaluated then."""
+DESIGNS = 200
+"""Number of designs evaluated otherwise."""
 ROOM = 1.0
 """How far beyond the range of the logs, in such ranges, a run may take readings: a rig may have stops there."""
 
@@ -154,7 +157,7 @@ def plan_port_run(
     changes: Sequence[Mapping[str, float]] = (),
     seconds: float | None = None,
     runs: int = 1,
-    designs: int = 200,
+    designs: int | None = None,
     purpose: str = "auto",
     library: str | Sequence[str] = "all",
     seed: int = 0,
@@ -201,7 +204,13 @@ def plan_port_run(
                 rig = EquationRig([e for e in each if isinstance(e, SignalEvidence)], within, equation, noise)
             return planned(rig, known, looked, purpose, wanted, seed, say)
 
-        return with_changes(under, states, changes, designs, say)
+        rows = round(allowed.seconds / allowed.runs / last.log.dt)
+        return with_changes(under, states, changes, designs or _usual_designs(simulator, rows), say)
+
+
+def _usual_designs(simulator: Simulator, rows: int) -> int:
+    """Return how many designs of so many rows are tried: fewer where each row is asked for by itself."""
+    return int(np.clip(SEARCH_ROWS // max(rows, 1), FEW, DESIGNS)) if simulator.one_by_one else DESIGNS
 
 
 def with_changes(
