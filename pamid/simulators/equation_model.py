@@ -221,6 +221,7 @@ class Formulas:
         self, t: np.ndarray, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]
     ) -> list[tuple[float, ...]]:
         """Return the right sides at one instant after the other, as plain numbers."""
+        assert self.plain is not None
         n = arguments[0][0].shape[1]
         rows = {"t": t.tolist() if np.ndim(t) else [t] * n}
         for values, labels in arguments:
