@@ -151,8 +151,24 @@ class PredictedEvidence(StretchEvidence):
             if not self._has_run:
                 raise  # as it was given, too
             return [np.full((len(self.simulator.outputs), len(times)), np.nan)] * len(drive)
+        if not self._has_run:  # as it was given
+            self._refuse_outputs(times, found)
         self._has_run = True
         return found
+
+    def _refuse_outputs(self, times: np.ndarray, found: Sequence[np.ndarray]) -> None:
+        """Raise where a run gives what is no number, or too large to be squared: a log cannot be compared with it."""
+        for outputs in found:
+            with np.errstate(over="ignore"):
+                good = np.isfinite(np.square(outputs))
+            if not good.all():
+                k, at = np.argwhere(~good)[0]
+                name = self.simulator.outputs[k]
+                raise SimulatorRunError(
+                    f"The simulator's output {name} is {outputs[k, at]:g} after {times[at]:.6g} s of a run.",
+                    "finite numbers over each whole run",
+                    "Correct the simulator, or its parameters and inputs.",
+                )
 
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1

@@ -1,0 +1,35 @@
+"""What a function of whole runs gives that is no number is told, and never compared with the log."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import pamid
+from pamid.errors import SimulatorRunError
+from pamid.simulators import FunctionSimulator, Port
+
+PORTS = [Port("u", "input", "V"), Port("y", "output", "V")]
+
+
+def log():
+    t = np.arange(0, 5, 0.01)
+    u = np.sin(2 * t)
+    return pd.DataFrame(
+        {"trajectory": "a", "time": t, "u": u, "y": u + 0.01 * np.random.default_rng(0).normal(size=500)}
+    )
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e308])
+def test_a_run_that_is_not_finite_is_told_with_its_output_and_time(value):
+    def run(u, p, x0):
+        y = u.u + 0.0
+        y[300:310] = value
+        return [y]
+
+    with pytest.raises(SimulatorRunError, match=r"output y is .* after 3 s of a run"):
+        pamid.evaluate(log(), FunctionSimulator(run, PORTS, {}, form="run"))
+
+
+def test_a_healthy_one_is_compared():
+    found = pamid.evaluate(log(), FunctionSimulator(lambda u, p, x0: [u.u + 0.0], PORTS, {}, form="run"))
+    assert found["y"].rmse < 0.02
