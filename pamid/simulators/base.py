@@ -71,6 +71,8 @@ class Simulator:
     """Whether reading a simulator file runs code that it names."""
     one_by_one: ClassVar[bool] = False
     """Whether it is evaluated one instant at a time."""
+    unsteady: str | None = None
+    """What was said of it where it is not repeatable, empty where it is; None until tried."""
     states_equation: ClassVar[bool] = False
     """Whether it states one equation of pamid's own signals, see `problem`, instead of having one of the forms."""
     library: ClassVar[str] = ""

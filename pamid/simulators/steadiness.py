@@ -20,15 +20,14 @@ _SAME = 1e-6
 
 def tell_if_unsteady(simulator: Simulator, log: PortLog) -> str:
     """Warn, once, where a simulator is random or keeps state between calls; return what was said."""
-    told: str | None = getattr(simulator, "_unsteady", None)
-    if told is None:
-        told = unsteadiness(simulator, log)
-        simulator._unsteady = told  # type: ignore[attr-defined]
-        if told:
-            warnings.warn(told, SimulatorWarning, stacklevel=2)
-    return told
+    if simulator.unsteady is None:
+        simulator.unsteady = unsteadiness(simulator, log)
+        if simulator.unsteady:
+            warnings.warn(simulator.unsteady, SimulatorWarning, stacklevel=2)
+    return simulator.unsteady
 
 
+@np.errstate(invalid="ignore")  # infinite values are told where they are evaluated
 def unsteadiness(simulator: Simulator, log: PortLog) -> str:
     """Return that a simulator is random or keeps state between calls, and how much; empty where it does not."""
     if not simulator.executes:
