@@ -20,6 +20,7 @@ from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
 from .residuals.single import SignalEvidence
+from .residuals.untested import untested
 from .simulated import evidence_of, learn, outward, runner
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def diagnose_evidence(
     """Return the diagnosis of a log's evidence, and what a learner leaves of it."""
     from threadpoolctl import threadpool_limits
 
+    left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator
     # Thousands of small products: threads would only wait for one another.
@@ -62,7 +64,7 @@ def diagnose_evidence(
         say(where_so_far(searched.equations, np.array([scale(searched.z0[p], 0.0) for p in searched.parts])))
         known = learn(searched, asked, say)
         library = [name for name in asked if known.templates.get(name)]
-        notes = [*evidence.heard(known.share), *evidence.notes]
+        notes = [*evidence.heard(known.share), *evidence.notes, *left_out]
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, log.n))

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from .several.stacked import StackedEvidence
 
 
+@np.errstate(all="ignore")  # what is not finite is refused in words
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
     from .one_equation import stated

@@ -27,6 +27,8 @@ class Runner:
     ) -> None:
         self.simulator, self.dt, self.substeps, self.lines = simulator, dt, substeps, lines
         self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+        self.failed: tuple[int, list[str], int] | None = None
+        """Row, states and run at which rates first led to what is no number."""
 
     @np.errstate(all="ignore")
     def states(
@@ -51,6 +53,10 @@ class Runner:
                 held = u[k] + (j + 0.5) / self.substeps * (u[k + 1] - u[k]) if self.lines else u[k]
                 x, memory = self._step(t[k] + j * h, h, x, held, now, acting, memory, paths)
                 if not np.abs(x).max(initial=0.0) < most:  # NaN is not less, either
+                    if self.failed is None and not np.isfinite(x).all():
+                        bad = ~np.isfinite(x[: len(self.simulator.states)])
+                        run = int(np.argmax(bad.any(axis=0)))
+                        self.failed = k, [self.simulator.states[j] for j in np.flatnonzero(bad[:, run])], run
                     x = np.clip(np.nan_to_num(x, nan=most), -most, most)
         return out
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -104,6 +105,12 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         return
     p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(rows), axis=1)
     whole = simulator.rate(log.t[rows], x[:, rows], u[:, rows], p)
+    exchanged = _exchanged(
+        simulator, lambda drive: simulator.rate(log.t[rows], x[:, rows], drive, p), u[:, rows], rates
+    )
+    if exchanged:
+        yield exchanged
+        return
     for k, name in enumerate(simulator.inputs):
         without = u[:, rows].copy()
         without[k] = 0.0
@@ -119,6 +126,30 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
                 f"{name} seems to be in another unit: {simulator.states[i]} moves as with {factor:.3g} times its values"
                 f"{_ways_out(_Way(simulator.port(name), factor, u[k]))}"
             )
+
+
+def _exchanged(simulator: Simulator, rate: Callable[[np.ndarray], np.ndarray], u: np.ndarray, seen: np.ndarray) -> str:
+    """Return a sentence on two inputs of one unit whose columns, exchanged, move every state as it is seen to move."""
+    rest, names = rate(np.zeros_like(u)), simulator.inputs
+
+    def explains(drive: np.ndarray) -> bool:
+        does = rate(drive) - rest
+        found = [_factor(a, b) for a, b in zip(does, seen - rest, strict=True) if np.ptp(a) > 0.0]
+        return bool(found) and all(alike > _ALIKE and 1 / _GAIN < factor < _GAIN for factor, alike in found)
+
+    pairs = [
+        (i, j)
+        for i, j in combinations(range(len(names)), 2)
+        if simulator.port(names[i]).unit == simulator.port(names[j]).unit and np.any(u[i] != u[j])
+    ]
+    if pairs and not explains(u):
+        for i, j in pairs:
+            other = u.copy()
+            other[[i, j]] = u[[j, i]]
+            if explains(other):
+                what = "what one drives in the simulator moves with the other in the log"
+                return f"{names[i]} and {names[j]} seem to be exchanged: {what}"
+    return ""
 
 
 def _is_rate(x: np.ndarray, rate: np.ndarray) -> bool:

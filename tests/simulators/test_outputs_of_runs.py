@@ -33,3 +33,26 @@ def test_a_run_that_is_not_finite_is_told_with_its_output_and_time(value):
 def test_a_healthy_one_is_compared():
     found = pamid.evaluate(log(), FunctionSimulator(lambda u, p, x0: [u.u + 0.0], PORTS, {}, form="run"))
     assert found["y"].rmse < 0.02
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_rates_of_a_hidden_state_that_are_not_finite_are_told_with_the_time(value):
+    def rates(t, x, u, p):
+        return [x.h - x.y, np.where(x.h > 0.1, value, u.u - x.h)]
+
+    ports = [Port("u", "input", "V"), Port("y", "state", "V"), Port("h", "state", "V")]
+    with pytest.raises(SimulatorRunError, match=r"prediction of .*h is not finite after .* s from .* s of 'a'"):
+        pamid.evaluate(log(), FunctionSimulator(rates, ports, {}))
+
+
+def test_outputs_that_are_not_finite_are_told_with_the_time():
+    ports = [Port("u", "input", "V"), Port("h", "state", "V"), Port("y", "output", "V")]
+
+    def rates(t, x, u, p):
+        return [u.u - x.h]
+
+    def outputs(t, x, u, p):
+        return [np.where(x.h > 0.1, np.nan, x.h)]
+
+    with pytest.raises(SimulatorRunError, match=r"prediction of y is nan after"):
+        pamid.evaluate(log(), FunctionSimulator(rates, ports, {}, output=outputs))

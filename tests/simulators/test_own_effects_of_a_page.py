@@ -18,6 +18,7 @@ from pamid.errors import (
     LackingNumberError,
     MissingColumnError,
     SimulatorWarning,
+    UnitWarning,
     UnknownOptionError,
 )
 from pamid.gap import evaluate_simulator
@@ -68,6 +69,11 @@ def test_what_is_positive_is_not_zero_and_has_a_finite_square() -> None:
         evidence_of(log(2.0), cart(("actuator_lag", "u", {"time_constant": 0.0})))
     with pytest.raises(ImplausibleParameterError, match=r"is 1e\+300 s"):
         evidence_of(log(2.0), cart(("actuator_delay", "u", {"delay": 1e300})))
+
+
+def test_a_delay_longer_than_every_run_is_told() -> None:
+    with pytest.warns(UnitWarning, match="actuator_delay at u delays by 1000 s, but the longest run of the log has"):
+        evidence_of(log(2.0), cart(("actuator_delay", "u", {"delay": 1000.0})))
 
 
 PAGE = """kind = "equations"

@@ -68,6 +68,36 @@ def test_what_contradicts_the_motion_is_told(log: pd.DataFrame, what: str) -> No
     assert (said in "; ".join(doubts)) if said else doubts == []
 
 
+@pytest.fixture(scope="module")
+def tanks() -> pd.DataFrame:
+    """Return a log of two tanks, each with a pump of its own."""
+    t = np.arange(0.0, 10.0, 0.01)
+    a, b = np.sin(1.3 * t) + 0.5 * np.sin(4 * t), np.cos(2.1 * t) + 0.4 * np.sin(5 * t)
+    x = np.zeros((len(t), 2))
+    for k in range(len(t) - 1):
+        x[k + 1] = x[k] + 0.01 * (np.array([2.0 * a[k], 5.0 * b[k]]) - np.array([3.0, 1.0]) * x[k])
+    x += 1e-4 * np.random.default_rng(0).standard_normal(x.shape)
+    return pd.DataFrame({"trajectory": "r", "time": t, "a": a, "b": b, "x": x[:, 0], "y": x[:, 1]})
+
+
+@pytest.mark.parametrize(("units", "told"), [(("V", "V"), True), (("V", "A"), False)])
+def test_exchanged_commands_are_told_where_their_unit_is_one(
+    tanks: pd.DataFrame, units: tuple[str, str], told: bool
+) -> None:
+    ports = [
+        Port("a", "input", units[0]),
+        Port("b", "input", units[1]),
+        Port("x", "state", "m"),
+        Port("y", "state", "m"),
+    ]
+    simulator = EquationSimulator({"dx/dt": "2*a - 3*x", "dy/dt": "5*b - y"}, ports, {})
+    assert unit_doubts(simulator, port_log(tanks, simulator)) == []
+    swapped = tanks.assign(a=tanks["b"], b=tanks["a"])
+    assert (
+        any("a and b seem to be exchanged" in d for d in unit_doubts(simulator, port_log(swapped, simulator))) is told
+    )
+
+
 def test_readings_far_beyond_the_stops_of_a_joint_are_told(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     from pamid.simulators import MujocoSimulator

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +14,7 @@ import numpy as np
 
 from ...effects import Effect
 from ...equations.noise import channel_noise
-from ...errors import SimulatorRunError, UnknownOptionError
+from ...errors import SimulatorRunError, UnitWarning, UnknownOptionError
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
@@ -248,6 +249,9 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
                 self._refuse_nowhere(name, where)
                 self.notes.append(f"The simulator's own effect {name} at {where} cannot act on this log.")
                 continue
+            if (delay := values.get("delay", 0.0)) > (longest := max(b - a for a, b in self.log.spans) * self.log.dt):
+                said = f"{name} at {where} delays by {delay:g} s, but the longest run of the log has {longest:.3g} s"
+                warnings.warn(f"{said}. Expected a delay in seconds.", UnitWarning, stacklevel=2)
             made.append((place, place.made(values)))
         return made
 

@@ -12,14 +12,14 @@ from ...errors import SimulatorRunError
 from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...simulators.base import Simulator
-from ...simulators.integrate import Runner
+from ...simulators.integrate import MOST, Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from .between_rows import drawn, passed_on
 from .protocol import Active
 from .response import Drive, Response
 from .states import integral
-from .stretches import StretchEvidence
+from .stretches import FOLLOWS, StretchEvidence
 
 MOST_RUNS = 200
 """Runs that are kept for the case that they are asked for again."""
@@ -43,6 +43,7 @@ class PredictedEvidence(StretchEvidence):
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False
+        self._failed: tuple[int, list[str], int] | None = None
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
         self._kept_states: Remembered[tuple[list[np.ndarray], list[np.ndarray]]] = Remembered(MOST_STATES)
@@ -170,6 +171,36 @@ class PredictedEvidence(StretchEvidence):
                     "Correct the simulator, or its parameters and inputs.",
                 )
 
+    def _refuse_failure(self) -> None:
+        """Raise where rates or outputs, as they were given, lead to what is no number: that predicts nothing."""
+        simulator = self.simulator
+        if simulator.form != "ode" or not simulator.states:
+            return
+        # Where the fitted initial states do not follow the log, either, the first ones tell why.
+        follows = self._missed(self._error(self._x0)) < FOLLOWS
+        for x0 in (self._x0,) if follows else (self._x0, self._starts()):
+            p = np.repeat(simulator.numbers[:, None], self.log.n, axis=1)
+            states, outputs = self._simulate(x0, self._u, p, [])
+            if max(float(np.max(np.abs(x))) for x in states) >= MOST:
+                self._simulated(x0, self._u, p, [], 1)  # one that is kept does not say where it failed
+                if self._failed is not None:
+                    row, failed, k = self._failed
+                    self._refuse_run(", ".join(failed), "not finite", k, row + 1)
+            for k, rows in enumerate(outputs):
+                if len(bad := np.argwhere(~np.isfinite(rows))):
+                    output, at = bad[0]
+                    self._refuse_run(simulator.outputs[output], f"{rows[output, at]:g}", k, int(at))
+
+    def _refuse_run(self, what: str, value: str, stretch: int, row: int) -> None:
+        first = self.stretches[stretch].first
+        run = self.log.names[self.log.run[first]]
+        raise SimulatorRunError(
+            f"The simulator's prediction of {what} is {value} after {row * self.log.dt:.6g} s from "
+            f"{self.log.t[first]:.6g} s of '{run}'.",
+            "finite rates and outputs wherever the simulator goes",
+            "Correct the simulator, or its parameters and inputs.",
+        )
+
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -189,6 +220,7 @@ class PredictedEvidence(StretchEvidence):
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
         runner = Runner(simulator, log.dt, self.joints, self.substeps, self.lines)
         x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
+        self._failed = runner.failed
         self.simulated += many
         stretches = self.stretches * many
         states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]

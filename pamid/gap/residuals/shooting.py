@@ -79,6 +79,7 @@ class ShootingEvidence(PredictedEvidence):
         if self.substeps > 1:
             self._look_at_noise()  # what the integrator missed is no noise
         self._blocks()
+        self._refuse_failure()
         self._skew()
         self._settle()
 

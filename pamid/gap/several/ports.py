@@ -17,6 +17,7 @@ from ..inference.first_order import FirstOrder
 from ..one_equation import fitted_together
 from ..readings import settled
 from ..residuals.ports import PortEvidence
+from ..residuals.untested import untested
 from ..simulated import evidence_of, learn
 from .conditions import Conditions, conditions_of
 from .engine import naming, refuse_twice, sized, together
@@ -54,7 +55,7 @@ def diagnose_port_logs(
             shares.append(known.share)
             first = FirstOrder(one, names_here, None, known.templates)
             close |= dict.fromkeys(first.templates[s.templates[0]].effect for s in first.screen(1).contenders)
-        notes = each[0].heard(float(np.mean(shares)))
+        notes = [*each[0].heard(float(np.mean(shares))), *untested(each[-1], effects)]
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
     kinds, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
     stacked = [Log(n, e, c.day) for n, e, c in zip(names, each, held, strict=True)]

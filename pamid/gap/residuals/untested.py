@@ -1,0 +1,60 @@
+"""What a diagnosis does not test, although a user asked for it or would expect it, and how to have it tested."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from ...errors import UnknownOptionError
+from ...simulators.catalogue import port_effects
+from ...simulators.likeness import dimension
+from .ports import PortEvidence
+
+MOVES = {"angle", "angular rate", "speed"}
+"""Dimensions of signals of what moves; a length may be a level."""
+JOINT = (
+    'Where something moves, add a port to the page: NAME = { kind = "joint", position = STATE, velocity = STATE, '
+    "through = INPUT }, where forces act as INPUT does"
+)
+
+
+def untested(evidence: PortEvidence, effects: str | Sequence[str]) -> list[str]:
+    """Return notes on effects that were asked for and have no place; raise where none has."""
+    wanted = [effects] if isinstance(effects, str) else list(dict.fromkeys(effects))
+    if effects == "all" or _most(wanted):
+        return [f"No joint is known, so friction and play are not tested. {JOINT}."] if _lacks_joint(evidence) else []
+    left_out: dict[str, list[str]] = {}
+    for name in wanted:
+        places = evidence.library([name])
+        if not any(evidence.has(key) for key in places):
+            left_out.setdefault(_why(name, bool(places)), []).append(name)
+    notes = [f"Not tested: {', '.join(names)}, since {why}." for why, names in left_out.items()]
+    if wanted and sum(map(len, left_out.values())) == len(wanted):
+        raise UnknownOptionError(
+            f"No effect that was asked for can be tested. {' '.join(notes)}",
+            "effects that can act at ports of this simulator",
+            "Name others, or leave --effects (`effects`) out: then all that can act are tested.",
+        )
+    return notes
+
+
+def _most(wanted: Sequence[str]) -> bool:
+    """Return whether a choice is the library less some effects: its names were not picked one by one."""
+    return 2 * len(set(port_effects()) & set(wanted)) > len(port_effects())
+
+
+def _lacks_joint(evidence: PortEvidence) -> bool:
+    """Return whether something seems to move, yet no joint is known."""
+    known = port_effects()
+    placed = {known[p.name][0] for p in evidence.placements.values() if p.name in known}
+    read = [p for p in evidence.simulator.ports if p.kind in ("output", "state")]
+    return "joint" not in placed and not evidence.joints and any(dimension(p.unit) in MOVES for p in read)
+
+
+def _why(name: str, placed: bool) -> str:
+    """Return what an effect would need here."""
+    if placed:
+        return "the log has no readings of what that acts on"
+    kind = port_effects().get(name, ("bench",))[0]
+    if kind == "joint":
+        return f"no joint is known. {JOINT}"
+    return "no pair of joints or chambers is known" if kind == "link" else f"no {kind} here can have that"
