@@ -48,14 +48,17 @@ class Walk:
         return not self.failed and any("corrected" in c for c in self.commands)
 
 
-def walk(case: Case, folder: Path, limit: float = 900.0) -> Walk:
-    """Run ``pamid init`` in the folder of a case, and every command that is printed."""
+def walk(case: Case, folder: Path, limit: float = 900.0, but: tuple[str, ...] = ()) -> Walk:
+    """Run ``pamid init`` in the folder of a case, and every command that is printed but those that are named."""
     done, waiting = Walk(), [INIT.format(sim=case.sim)]
     while waiting and not done.failed:
         command = waiting.pop(0)
         done.commands.append(command)
         output = said(command, folder, done, limit)
-        waiting += [c for c in re.findall(r"^next: (pamid .*)$", output, re.M) if c not in done.commands]
+        waiting += [
+            c for c in re.findall(r"^next: (pamid .*)$", output, re.M)
+            if c not in done.commands and c.split()[1] not in but
+        ]  # fmt: skip
         if " evaluate " in f" {command}":
             errors = {
                 r[0]: float(r[1]) for r in re.findall(r"^(\S+)\s+(\S+)\s+\S+\s+\S+\s+\S+\s+\S+", output, re.M)[1:]

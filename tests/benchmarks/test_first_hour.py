@@ -22,6 +22,8 @@ QUICK = ("lerobot", "franka, desired qd", "g1, sdk2", "kuka rsi", "twincat", "Ch
 EITHER_UNIT = ("odrive", "moteus", "vesc", "arduino")
 """Turns without a unit or a range, electrical turns, and a drive beside its set point: nothing in the log tells."""
 ALL = {**STYLES, **OTHERS}
+SHORT = "Python: motor, python-control"
+"""The case whose commands up to the correction take a few seconds."""
 
 
 @pytest.mark.parametrize("style", [pytest.param(s, marks=[] if s in QUICK else [pytest.mark.slow]) for s in ALL])
@@ -43,13 +45,15 @@ def test_signals_of_the_twelve_are_right(case, tmp_path: Path) -> None:
     assert found.right == len(case.truth) and not (found.marked or found.unmarked)
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("name", ["Python: stage, function", "Go1 leg, low-level state", "FMU: motor, German"])
-def test_printed_commands_run_to_a_correction(name: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "case",
+    [pytest.param(c, id=c.name, marks=pytest.mark.slow if c.name == SHORT else pytest.mark.long) for c in cases()],
+)
+def test_printed_commands_run_to_a_correction(case, tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     pytest.importorskip("fmpy")
-    case = next(c for c in cases() if c.name == name)
+    pytest.importorskip("control")
     case.write(tmp_path)
-    done = walk(case, tmp_path)
+    done = walk(case, tmp_path, but=("next",) if case.name == SHORT else ())
     assert done.ran, done.failed
     assert min(done.after[k] / b for k, b in done.before.items()) < 0.5

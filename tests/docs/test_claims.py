@@ -148,6 +148,22 @@ def test_pages_say_what_the_code_does(claims) -> None:
     assert not wrong, "\n".join(wrong)
 
 
+def test_security_says_what_each_kind_of_simulator_may_do() -> None:
+    from pamid.simulators.page import simulator_kinds
+    from pamid.systems.registry import all_systems
+
+    words = {"control": "python-control", "ode": "function", "fmu": "FMU", "mujoco": "MuJoCo"}
+    runs = {"bench": False, **dict.fromkeys(all_systems(), False)}
+    runs |= {words.get(kind, kind): cls.executes for kind, cls in simulator_kinds().items()}
+    text = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+    table = text.partition("\n## What each kind of simulator may do\n")[2].partition("\n## ")[0]
+    rows = [[cell.strip() for cell in line.split("|")[1:3]] for line in table.splitlines() if line.startswith("| ")]
+    said = {kind: told for kinds, told in rows for kind in kinds.split(", ") if kind not in ("kind", "---")}
+    assert said.keys() == runs.keys()
+    # Without trust, what is data does everything, and what is code does nothing.
+    assert {kind: not told.startswith("everything") for kind, told in said.items()} == runs
+
+
 def test_no_pickle_is_read_or_written() -> None:
     assert "Pickles are never read or written." in page("docs/security.md")
     loads = re.compile(

@@ -1,11 +1,14 @@
 """A gap in a second equation is in the headline, and commands that were mixed up are told."""
 
+import numpy as np
+import pandas as pd
 import pytest
 
 from pamid.bench import BenchParameters, simulate, sine
 from pamid.equations import unit_doubts
-from pamid.gap import diagnose
+from pamid.gap import diagnose, diagnose_simulator
 from pamid.report import answers
+from pamid.simulators import EquationSimulator, Port
 
 NOMINAL = BenchParameters.for_muscle("B")
 RUBBING = simulate(NOMINAL, [sine(2, 10, 800), sine(6, 10, 800)], seed=0, effects=["viscous_friction"])
@@ -42,3 +45,24 @@ def test_columns_of_the_other_muscle_are_told(channel: str) -> None:
     doubts = unit_doubts(log.assign(**{one: log[two], two: log[one]}), NOMINAL)
     assert doubts and "each other's" in doubts[0] and one in doubts[0]
     assert unit_doubts(log, NOMINAL) == []
+
+
+@pytest.mark.slow
+def test_a_second_gap_at_ports_is_in_the_headline() -> None:
+    """A cart with friction, and a level that sways for no reason of the library."""
+    ports = [Port("a", "input", "N"), Port("b", "input", "V"), Port("x", "state", "m"), Port("v", "state", "m/s"),
+             Port("y", "state", "m")]  # fmt: skip
+    given = EquationSimulator({"dx/dt": "v", "dv/dt": "a/2", "dy/dt": "5*b - y"}, ports, {})
+    rng, t, x, v, y, rows = np.random.default_rng(0), np.arange(0.0, 6.0, 0.01), 0.0, 0.0, 0.0, []
+    a, b = np.sin(1.3 * t) + 0.5 * np.sin(4.0 * t), np.cos(2.1 * t) + 0.4 * np.sin(5.0 * t)
+    for push, drive in zip(a, b, strict=True):
+        rows.append((x, v, y))
+        for _ in range(10):
+            v += 1e-3 * (push - 1.5 * v) / 2.0
+            x += 1e-3 * v
+            y += 1e-3 * (5.0 * drive - y)
+    x, v, y = (np.array(rows) + [1e-5, 1e-4, 1e-4] * rng.standard_normal((len(t), 3))).T
+    table = {"trajectory": "run", "time": t, "a": a, "b": b, "x": x, "v": v, "y": y + 0.005 * np.sin(7.7 * t)}
+    found = diagnose_simulator(pd.DataFrame(table), given, ["viscous_friction", "coulomb_friction"])
+    assert [c.effects for c in found.causes] == [("viscous_friction",)] and found.unexplained == ["y"]
+    assert answers(found).verdict.endswith("; and a gap in the rate of y that the library does not explain")

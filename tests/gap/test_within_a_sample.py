@@ -145,7 +145,8 @@ def of_an_arm(seed: int) -> pd.DataFrame:
 def test_half_a_step_of_mujoco_beside_speeds_that_are_derived_is_no_cause(xml: str, causes: list, tmp_path) -> None:
     """At a servo's damping of 1 N m s/rad, the 2 ms of the model are worth an armature of 0.001 kg m²."""
     (tmp_path / "arm.xml").write_text(xml)
-    library = ["viscous_friction", "coulomb_friction", "parameter_deviation", "actuator_lag", "creep", "maxwell"]
+    library = ["viscous_friction", "coulomb_friction", "parameter_deviation", "actuator_lag", "actuator_delay",
+               "creep", "maxwell", "hysteresis", "actuator_hysteresis"]  # fmt: skip
     found = diagnose_simulator(of_an_arm(2), MujocoSimulator(tmp_path / "arm.xml"), library)
     assert [c.effects for c in found.causes] == causes and found.verdict == ("cause" if causes else "none")
 

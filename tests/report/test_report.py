@@ -13,6 +13,7 @@ from support.diagnoses import VERDICTS, diagnosis_of
 
 from pamid.errors import OutputError
 from pamid.gap.diagnosis.findings import (
+    Cause,
     NextExperiment,
     ParameterEstimate,
     Region,
@@ -20,11 +21,13 @@ from pamid.gap.diagnosis.findings import (
 )
 from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
-from pamid.report.quantities import amount, amount_within, at_least, interval_of, percent, share_span, span
+from pamid.report.causes import cause_names, shown_unit, size
+from pamid.report.quantities import amount, amount_within, at_least, interval_of, parameter, percent, share_span, span
 from pamid.report.sections import Source, all_sections
 from pamid.report.sections.which import WhichSection
 from pamid.report.sentences import query_words
-from pamid.simulators import FunctionSimulator, Port
+from pamid.report.words import Words
+from pamid.simulators import FunctionSimulator, ModelParameter, Port
 from pamid.systems.cylinder import Cylinder
 
 
@@ -134,6 +137,35 @@ def test_signals_of_ports_have_their_own_names_and_units(material) -> None:
     said = "u is above 1.5 V, x is below 0.02 m, h1 is above 0.1 m and dP is above 0"
     assert said in answers(d).where and "u is above 1.5" in report_html(d) and "valve command" not in report_html(d)
     assert "valve command" in query_words("u > 1.5"), "elsewhere it is one"
+
+
+@pytest.mark.parametrize(("coefficient", "names"), [(1.21, 1), (2.4, 2)])
+def test_damping_that_is_too_small_is_viscous_friction_and_said_once(coefficient: float, names: int) -> None:
+    """Of the same size they are one thing, which the report says in the quantity of the model, beside its own."""
+    words = Words(
+        ports={"knee": "N m"}, joints=frozenset({"knee"}),
+        numbers={"dof_damping.knee": ModelParameter(2.0, 0.1, "N m s/rad")},
+    )  # fmt: skip
+    off = {"deviation": ParameterEstimate(0.6, "-", (0.55, 0.65))}
+    friction = {"coefficient": ParameterEstimate(coefficient, "N m s/rad", (0.9 * coefficient, 1.1 * coefficient))}
+    cause = Cause(
+        ("parameter_deviation", "viscous_friction"), "knee", 0.5, 0.9, (0.8, 0.95), off,
+        where=("dof_damping.knee", "knee"), others=(friction,),
+    )  # fmt: skip
+    assert cause_names(cause, words) == ["damping of knee", "viscous friction at knee"][:names]
+    told = size(cause, words)
+    assert told.startswith("3.2 N m s/rad (") and told.endswith("the simulator has 2 N m s/rad")
+
+
+def test_a_size_at_a_port_without_a_unit_is_no_share() -> None:
+    assert shown_unit("actuator_dead_zone", "width", "-", "F") == ""
+    assert shown_unit("actuator_dead_zone", "width", "-") == "-"  # that of a bench, in per cent
+    assert amount(1.04, "") == "1.04" and amount(1.04, "-") == "104 %"
+
+
+def test_parameters_of_creep_are_told_in_words() -> None:
+    assert parameter("settled") == "share by which the springs had relaxed when a run begins"
+    assert parameter("unknown") == "share of the state before a run that nobody knows"
 
 
 def test_intervals_that_data_do_not_bound_are_said_to_be_open():

@@ -183,6 +183,23 @@ def test_a_page_of_code_is_read_without_running_it(tmp_path: Path, capsys: pytes
     assert "--signal" not in said["next"] and "signals" not in said["assumed"]
 
 
+def test_a_control_system_is_drafted_without_running_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "lag.py").write_text("raise SystemExit('this must not run')\n")
+    (tmp_path / "lag.toml").write_text(
+        'kind = "control"\n[control]\nsystem = "lag.py:system"\n[ports]\nvolt = { kind = "input", unit = "V" }\n'
+        'speed = { kind = "output", unit = "rad/s" }\n'
+    )
+    t = np.arange(0.0, 5.0, 0.01)
+    table = {"t [s]": t, "Spannung [V]": np.sin(3 * t), "Drehzahl [1/min]": 9.5493 * np.cos(t)}
+    pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)
+    paths = [str(tmp_path / "log.csv"), "--sim", str(tmp_path / "lag.toml"), "--out", str(tmp_path / "setup")]
+    assert main(["init", *paths, "--yes", "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    signals = {name: (entry["column"], entry.get("unit")) for name, entry in said["signals"].items()}
+    assert signals["volt"] == ("Spannung [V]", "V") and signals["speed"] == ("Drehzahl [1/min]", "rpm")
+    assert "lag.toml" in said["next"] and "--trust" in said["next"]
+
+
 def test_a_unit_of_something_else_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     t = np.arange(0.0, 5.0, 0.01)
     table = {"time": t, "u [%]": 100 * np.cos(t), "angle": np.sin(t), "w_m [rpm]": 9.5493 * np.cos(t)}

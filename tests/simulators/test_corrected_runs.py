@@ -59,6 +59,39 @@ def test_a_diagnosis_outlives_a_page_that_does_not_load(cart, capsys):
     assert not (cart / "found" / "corrected.toml").exists()
 
 
+def test_what_a_page_closes_less_than_the_report_says_is_told(cart, capsys, monkeypatch):
+    monkeypatch.setattr("pamid.cli._corrected._short", lambda d, log, simulator: {"v": 0.3})
+    assert main(COMMAND) == 0
+    told = "corrected.toml closes 30 % of the gap in v on this log, less than the report says."
+    assert told in capsys.readouterr().out
+    assert told in json.loads((cart / "found" / "diagnosis.json").read_text())["notes"]
+    assert (cart / "found" / "corrected.toml").is_file()
+
+
+@pytest.mark.slow
+def test_what_no_effect_explains_hands_over_no_simulator(cart, capsys):
+    log = pd.read_csv("log.csv")
+    log["v"] += 0.25 * (log["v"] - 0.5 * np.cos(5.3 * log["time"]))  # a push beside the actuator's
+    log.to_csv("log.csv", index=False)
+    assert main(COMMAND) == 0
+    told = capsys.readouterr().out
+    assert json.loads((cart / "found" / "diagnosis.json").read_text())["verdict"] == "unknown"
+    assert not list((cart / "found").glob("corrected*")) and "corrected.toml" not in told
+
+
+def test_after_no_gap_next_calls_nothing_undecided(cart, capsys):
+    log = pd.read_csv("log.csv")
+    log["v"] *= 1.25  # with an actuator as the page has it
+    log.to_csv("log.csv", index=False)
+    assert main([*COMMAND, "--quiet"]) == 0
+    assert json.loads((cart / "found" / "diagnosis.json").read_text())["verdict"] == "none"
+    capsys.readouterr()
+    assert main(["next", "found", "--trust", "--designs", "8", "--quiet"]) == 0
+    told = capsys.readouterr().out
+    assert "no effect" in told or "Nothing is undecided" in told
+    assert "Undecided" not in told
+
+
 def test_two_values_for_one_state_are_told(cart, capsys):
     (cart / "cart.py").write_text("def rates(t, x, u, p):\n    return [u.F / p.m, 0.0]\n")
     assert main(COMMAND) != 0

@@ -10,9 +10,12 @@ import pytest
 pytest.importorskip("fmpy")
 
 from pamid.cli import main
+from pamid.cli.commands.diagnose import write
 from pamid.errors import ExportError, SimulatorRunError
 from pamid.export.fmu import compiled, packed
 from pamid.export.ode_fmu import ode_fmu
+from pamid.gap import diagnose_simulator
+from pamid.report.sections import Source
 from pamid.simulators import FmuSimulator, Port
 from pamid.simulators.fmu_model import _distinct
 from pamid.simulators.fmu_wrapper import wrapped
@@ -99,6 +102,32 @@ def test_a_dead_zone_in_volts_knows_no_bounds_of_a_valve(motor, tmp_path, dead):
     found, expected, plain = run(path), truth(0.0, 1.0, dead), run(motor, 1.8e-3)
     off = [np.sqrt(np.mean(np.square(y - expected), axis=1)) for y in (plain, found)]
     assert np.all(off[1] < 0.02 * off[0])
+
+
+@pytest.mark.slow
+def test_a_diagnosis_of_a_dead_zone_hands_over_an_fmu_and_outlives_one_that_fails(motor, tmp_path, monkeypatch):
+    angle, omega = truth(0.0, 1.0, 0.8)
+    rng, shown = np.random.default_rng(0), (angle, omega)
+    noisy = {n: y + 1e-3 * rng.standard_normal(SAMPLES) for n, y in zip(("angle", "omega"), shown, strict=True)}
+    log = pd.DataFrame({"trajectory": "run", "time": T, "voltage": U, "load": 0.0, **noisy})
+    found = diagnose_simulator(log, simulator(motor), ["actuator_dead_zone"])
+    assert [c.effects for c in found.causes] == [("actuator_dead_zone",)]
+    low, high = found.causes[0].parameters["width"].ci90
+    assert 0.4 < low < 0.8 < high < 1.6
+    write(found, tmp_path / "found", Source())
+    assert not any("left out" in text for text in found.notes)
+    plain, corrected = run(motor, 1.8e-3), run(tmp_path / "found" / "corrected.fmu")
+    off = [np.sqrt(np.mean(np.square(y - np.stack(shown)), axis=1)) for y in (plain, corrected)]
+    assert np.all(off[1] < 0.1 * off[0])
+
+    def fails(_):
+        raise ExportError("No C compiler is found.", "one", "Install gcc.")
+
+    monkeypatch.setattr("pamid.simulators.fmu_wrapper.wrapped", fails)
+    write(found, tmp_path / "without", Source())
+    assert any("corrected.fmu left out" in text and "No C compiler" in text for text in found.notes)
+    written = {file.name for file in (tmp_path / "without").iterdir()}
+    assert {"diagnosis.json", "report.html", "corrected.toml"} <= written and "corrected.fmu" not in written
 
 
 def test_a_run_without_numbers_is_told_and_is_no_number(tmp_path):

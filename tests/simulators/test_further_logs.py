@@ -115,7 +115,6 @@ def test_the_run_that_next_designs_goes_on_from_the_first(described) -> None:
     assert "--columns setup/columns.toml" in third and third.endswith("--out setup/diagnosis-3")
 
 
-@pytest.mark.parametrize("described", [fmu], ids=lambda make: make.__name__, indirect=True)
 def test_a_stream_under_the_names_of_its_driver_tells_what_has_changed(described) -> None:
     t = np.arange(0.0, 60.0, 0.02)
     stream = recorded(t, pushed(t, 0.3) + 2.0 * np.sin(0.37 * t), np.where(t < 45.0, 3.0, 6.0), 4)

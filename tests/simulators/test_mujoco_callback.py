@@ -40,12 +40,17 @@ def dragged(data):
     data.qfrc_applied[0] = -0.03 * data.qvel[0] * abs(data.qvel[0])
 
 
-def test_running_the_corrected_model_closes_what_the_report_said(tmp_path, monkeypatch, capsys):
+def weakened(data):
+    data.ctrl[0] = np.sign(data.ctrl[0]) * max(abs(data.ctrl[0]) - 0.2, 0.0)
+
+
+@pytest.mark.parametrize(("acts", "effect"), [(dragged, "quadratic_drag"), (weakened, "actuator_dead_zone")])
+def test_running_the_corrected_model_closes_what_the_report_said(tmp_path, monkeypatch, capsys, acts, effect):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "arm.xml").write_text(ARM)
     model, rng, runs = mujoco.MjModel.from_xml_string(ARM), np.random.default_rng(0), []
     for run in range(4):
-        angle, speed = swung(model, currents(run), dragged).T
+        angle, speed = swung(model, currents(run), acts).T
         noisy = {
             "hinge_q": angle + 1e-4 * rng.standard_normal(SAMPLES),
             "hinge_dq": speed + 5e-3 * rng.standard_normal(SAMPLES),
@@ -53,7 +58,7 @@ def test_running_the_corrected_model_closes_what_the_report_said(tmp_path, monke
         t = DT * np.arange(SAMPLES)
         runs.append(pd.DataFrame({"trajectory": str(run), "time": t, "motor": currents(run), **noisy}))
     pd.concat(runs).to_csv("arm.csv", index=False)
-    few = "quadratic_drag,coulomb_friction,actuator_gain"
+    few = f"{effect},coulomb_friction,actuator_gain"
     assert main(["diagnose", "arm.csv", "--sim", "arm.xml", "--out", "found", "--effects", few]) == 0
     capsys.readouterr()
     spec = importlib.util.spec_from_file_location("corrected", tmp_path / "found" / "corrected.py")
@@ -61,7 +66,7 @@ def test_running_the_corrected_model_closes_what_the_report_said(tmp_path, monke
     spec.loader.exec_module(module)
     corrected, acting = module.load()
 
-    truth = swung(model, currents(7), dragged)  # a run that nobody has seen
+    truth = swung(model, currents(7), acts)  # a run that nobody has seen
     plain = swung(model, currents(7), lambda data: None)
     with acting:
         closed = swung(corrected, currents(7), lambda data: None)

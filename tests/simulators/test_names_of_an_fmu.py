@@ -13,7 +13,7 @@ import pytest
 
 from pamid.cli import main
 from pamid.errors import ParameterError
-from pamid.simulators import Port
+from pamid.simulators import FmuSimulator, Port
 from pamid.simulators.fmu_model import _distinct
 
 
@@ -62,3 +62,23 @@ def test_the_printed_commands_run_with_odd_names_and_units_in_brackets(
     assert main(command.split()[2:]) == 0
     floor = next(line for line in capsys.readouterr().out.splitlines() if line.startswith("_1u")).split()
     assert float(floor[-2]) < 1.2  # the FMU is right: what remains is noise
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_variables_with_the_same_plain_name_keep_their_own_values_in_a_run(tmp_path: Path) -> None:
+    pytest.importorskip("fmpy")
+    from pamid.export.ode_fmu import ode_fmu
+
+    made = ode_fmu(
+        "two", lambda t, x, u, p: [u.go - x.a, u.go - 2.0 * x.b], {"a": 0.0, "b": 0.0}, {"go": 0.0}, {},
+        outputs=lambda t, x, u, p: {"y": x.a, "yy": x.b},
+    )  # fmt: skip
+    with zipfile.ZipFile(io.BytesIO(made)) as old, zipfile.ZipFile(tmp_path / "two.fmu", "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            new.writestr(name, data.replace(b'name="yy"', b'name="y."') if name == "modelDescription.xml" else data)
+    two = FmuSimulator(tmp_path / "two.fmu", trust=True)
+    assert two.outputs == ("y", "y_2")
+    t = np.arange(0.0, 3.0, 0.05)
+    found = two.run(t, np.ones((1, len(t))), np.zeros(0), np.zeros(0))
+    assert found == pytest.approx(np.stack([1.0 - np.exp(-t), 0.5 * (1.0 - np.exp(-2.0 * t))]), abs=1e-3)

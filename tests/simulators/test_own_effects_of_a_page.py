@@ -76,6 +76,16 @@ def test_a_delay_longer_than_every_run_is_told() -> None:
         evidence_of(log(2.0), cart(("actuator_delay", "u", {"delay": 1000.0})))
 
 
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize(
+    ("effect", "at", "name"),
+    [("actuator_dead_zone", "u", "width"), ("viscous_friction", "x", "coefficient"), ("sensor_bias", "x", "offset")],
+)  # fmt: skip
+def test_what_is_no_finite_number_is_refused(effect: str, at: str, name: str, value: float) -> None:
+    with pytest.raises(ImplausibleParameterError, match=f"{name} of the effect {effect} at {at} is {value:g}"):
+        evidence_of(log(2.0), cart((effect, at, {name: value})))
+
+
 PAGE = """kind = "equations"
 [equations]
 "dx/dt" = "v"

@@ -113,11 +113,13 @@ def test_readings_far_beyond_the_stops_of_a_joint_are_told(tmp_path: Path) -> No
     assert "to 31.5, but its stops allow -2.2 to 2.2 rad, as degrees would" in doubt
 
 
-def test_check_tells_it(log: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("what", ["speed", "millimetres"])
+def test_check_tells_it(log: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
     (tmp_path / "cart.toml").write_text(page_text(cart(), tmp_path))
-    log.assign(v=-log["v"]).to_csv(tmp_path / "log.csv", index=False)
+    change, said = CHANGES[what]
+    change(log).to_csv(tmp_path / "log.csv", index=False)
     assert main(["check", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "cart.toml")]) == 0
-    assert "x or v seems to have the opposite sign" in capsys.readouterr().out
+    assert said in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize("clock", ["fs", "stamps", "period"])

@@ -89,6 +89,13 @@ def test_a_function_from_the_command_line_and_back(cart: Path, capsys: pytest.Ca
         assert equation["rmse"] < most * equation["noise_floor"]
 
 
+def test_an_effect_of_benches_alone_is_answered_with_its_names_at_ports(cart: Path, capsys) -> None:
+    given = [str(cart / "log.csv"), "--sim", str(cart / "sim.toml"), "--trust", "--out", str(cart / "out")]
+    assert main(["diagnose", *given, "--effects", "force_bias"]) == 2
+    assert "Did you mean actuator_bias or sensor_bias?" in " ".join(capsys.readouterr().err.split())
+    assert not (cart / "out").exists()
+
+
 @pytest.mark.parametrize("mapped", [False, True])
 def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.CaptureFixture[str], mapped: bool) -> None:
     """`u` is a valve command of a bench, and a force in newtons where a page says so: of a header or of a mapping."""
@@ -144,6 +151,8 @@ def test_a_mujoco_model_has_ports_and_comes_back_as_mjcf(tmp_path: Path) -> None
     (tmp_path / "arm.xml").write_text(ARM)
     arm = MujocoSimulator(tmp_path / "arm.xml", parameters={"body_mass.arm": (0.5, 0.05, "kg")})
     assert arm.inputs == ("motor", "hinge_tau") and arm.states == ("hinge_q", "hinge_dq")
+    own = MujocoSimulator(tmp_path / "arm.xml").own_numbers()
+    assert (own["body_mass.arm"].unit, own["actuator_gear.motor"].unit) == ("kg", "-")  # a gear is a ratio
     x, u, p = np.array([[0.3], [1.0]]), np.array([[0.2], [0.0]]), arm.numbers[:, None]
     free = arm.rate(np.zeros(1), x, u, p)[1, 0]
     # Torque over inertia is what a torque adds to the acceleration.

@@ -1,6 +1,7 @@
 """Every command that takes a simulator takes one with ports: equations, functions, control systems, MuJoCo models."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,22 @@ def recorded(seed: int, folder: Path, name: str) -> str:
         runs.append(pd.DataFrame({"trajectory": f"{k}", "time": t, **columns}))
     pd.concat(runs).to_csv(folder / name, index=False)
     return str(folder / name)
+
+
+def fmu(folder: Path) -> Path:
+    pytest.importorskip("fmpy")
+    if not shutil.which("cc"):
+        pytest.skip("needs a C compiler")
+    from pamid.export.ode_fmu import ode_fmu
+
+    made = ode_fmu(
+        "rail", lambda t, x, u, p: [x.dq, u.F / p.m], {"q": 0.0, "dq": 0.0}, {"F": 0.0}, {"m": MASS},
+        outputs=lambda t, x, u, p: {"x": x.q, "v": x.dq}, units={"F": "N", "x": "m", "v": "m/s", "m": "kg"},
+    )  # fmt: skip
+    (folder / "rail.fmu").write_bytes(made)
+    joint = 'rail = { kind = "joint", unit = "N", position = "x", velocity = "v", through = "F" }\n'
+    (folder / "sim.toml").write_text(f'kind = "fmu"\n[fmu]\nfmu = "rail.fmu"\n[ports]\n{joint}')
+    return folder / "sim.toml"
 
 
 def page(kind: str, folder: Path) -> str:
@@ -116,3 +133,27 @@ def test_commands_take_every_kind_of_simulator(
         again = told("evaluate", log, "--sim", str(tmp_path / "out" / "corrected.toml"), "--trust")["equations"]
         before = told("evaluate", log, *given)["equations"]
         assert max(e["rmse"] for e in again.values()) < 0.2 * max(e["rmse"] for e in before.values())
+
+
+@pytest.mark.slow
+def test_several_logs_of_an_fmu_are_diagnosed_together(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sim, logs = fmu(tmp_path), []
+    for seed in (1, 2):
+        whole = pd.read_csv(recorded(seed, tmp_path, f"day{seed}.csv"))
+        logs.append(str(tmp_path / f"day{seed}.csv"))
+        whole[whole["time"] < 1.5].to_csv(logs[-1], index=False)
+    given = [
+        "--sim",
+        str(sim),
+        "--trust",
+        "--effects",
+        "viscous_friction,actuator_gain",
+        "--out",
+        str(tmp_path / "out"),
+    ]
+    assert main(["diagnose", *logs, *given, "--json", "--quiet"]) == 0, capsys.readouterr().err
+    found = json.loads(capsys.readouterr().out)
+    assert [day["log"] for day in found["logs"]] == ["day1", "day2"]
+    (cause,) = found["causes"]
+    assert cause["effects"] == ["viscous_friction"]
+    assert cause["parameters"]["coefficient"]["value"] == pytest.approx(RUB, rel=0.1)
