@@ -48,7 +48,8 @@ def test_columns_of_the_other_muscle_are_told(channel: str) -> None:
 
 
 @pytest.mark.slow
-def test_a_second_gap_at_ports_is_in_the_headline() -> None:
+@pytest.mark.parametrize("sway", [0.005, 0.3])
+def test_a_second_gap_at_ports_is_in_the_headline_and_hides_no_cause(sway: float) -> None:
     """A cart with friction, and a level that sways for no reason of the library."""
     ports = [Port("a", "input", "N"), Port("b", "input", "V"), Port("x", "state", "m"), Port("v", "state", "m/s"),
              Port("y", "state", "m")]  # fmt: skip
@@ -62,7 +63,7 @@ def test_a_second_gap_at_ports_is_in_the_headline() -> None:
             x += 1e-3 * v
             y += 1e-3 * (5.0 * drive - y)
     x, v, y = (np.array(rows) + [1e-5, 1e-4, 1e-4] * rng.standard_normal((len(t), 3))).T
-    table = {"trajectory": "run", "time": t, "a": a, "b": b, "x": x, "v": v, "y": y + 0.005 * np.sin(7.7 * t)}
+    table = {"trajectory": "run", "time": t, "a": a, "b": b, "x": x, "v": v, "y": y + sway * np.sin(7.7 * t)}
     found = diagnose_simulator(pd.DataFrame(table), given, ["viscous_friction", "coulomb_friction"])
     assert [c.effects for c in found.causes] == [("viscous_friction",)] and found.unexplained == ["y"]
     assert answers(found).verdict.endswith("; and a gap in the rate of y that the library does not explain")

@@ -13,7 +13,7 @@ above the bar at which at most one in twenty of the names reported on such logs 
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
 once, so that something always exceeds the noise. As the two cannot be distinguished, names are also reported where
-they close more than they leave, a share c, with the probability
+they close more than they leave in the equations that they change, a share c, with the probability
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr).
 
@@ -80,7 +80,7 @@ def trust(
         score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
         probability = float(expit(score))
         if not competition.evidence.exact:
-            closed = 1.0 - signs["left_of_gap"]
+            closed = 1.0 - signs["left_where_it_acts"]
             probability = max(TRUSTED, 0.5 * (probability + closed)) if closed >= TRUSTED else closed
         found[name] = Trust(probability, signs)
     return found

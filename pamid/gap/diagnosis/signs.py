@@ -80,6 +80,7 @@ class _Told:
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
             "unclosed_of_gap": self._unclosed_of_gap,
+            "left_where_it_acts": self._left_in(self._where(name)),
             "elsewhere": self._elsewhere,
             "undone": self._undone(name),
             "faint": -0.25 * np.log(max(share, 1e-3)),
@@ -116,8 +117,17 @@ class _Told:
 
     @cached_property
     def _left_of_gap(self) -> float:
-        room = sum(_excess(self.before[part]) for part in self.evidence.parts)
-        return sum(_excess(self.after[part]) for part in self.evidence.parts) / room if room > 0 else 0.0
+        return self._left_in(self.evidence.parts)
+
+    def _left_in(self, parts: Sequence[slice]) -> float:
+        """Return the share of the gap in some equations that the hypothesis leaves."""
+        room = sum(_excess(self.before[part]) for part in parts)
+        return sum(_excess(self.after[part]) for part in parts) / room if room > 0 else 0.0
+
+    def _where(self, name: str) -> list[slice]:
+        """Return the equations that a cause changes: a gap in others is no sign for or against it."""
+        acts = self.evidence.touched([name])
+        return [p for e, p in zip(self.evidence.equations, self.evidence.parts, strict=True) if e in acts]
 
     @cached_property
     def _held_out(self) -> tuple[np.ndarray, np.ndarray]:
