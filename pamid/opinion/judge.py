@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 LEVEL = 0.01
 """Probability of reporting, over all numbers of a fit, that one moved when it did so by chance."""
+CERTAIN = 1e-6
+"""Probability below which its size means nothing: noise is not so exactly normal."""
 NEGLIGIBLE = 0.01
 """Negligible relative change: the difference between time steps and integrators."""
 ENDLESS = 3.0
@@ -136,7 +138,8 @@ class Opinion:
         if self.unmatched:
             said.append(f"Not tested, since the simulator has no such number: {', '.join(self.unmatched)}.")
         if self.agreement < LEVEL:
-            said.append(f"Runs of this log disagree about the numbers (p = {self.agreement:.1g}).")
+            chance = f"= {self.agreement:.1g}" if self.agreement >= CERTAIN else f"< {CERTAIN:g}"
+            said.append(f"Runs of this log disagree about the numbers (p {chance}).")
         said.append(f"Another run is needed: {self.next_run}" if self.next_run else "No further run is needed.")
         return said
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..effects import Effect
 from ..effects.base import Signals
 from ..effects.plant import Surroundings
+from ..effects.transport_delay import TransportDelay
 from ..errors import SimulatorTypeError
 from .between import Between, ends_of
 from .catalogue import in_port_units, port_effects
@@ -18,6 +19,7 @@ from .mujoco_model import MujocoSimulator, actuators_of
 from .page import read_simulator
 
 _PLANT: Any = Surroundings(0.0)
+_ROUND = 1e-6
 
 
 class _Remembered:
@@ -25,16 +27,35 @@ class _Remembered:
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect
-        self._time, self._before, self._memory = np.inf, Signals(), np.zeros((0,))
+        self._earlier: tuple[float, Signals, Any] | None = None
+        self._now: tuple[float, Signals, Any] = (np.inf, Signals(), np.zeros((0,)))
+        self._within = False
 
     def memory(self, s: Signals, time: float, step: float) -> Any:
-        """Return the memory at a time; an earlier time than the last one restarts it."""
-        if time < self._time:
-            self._memory = self.effect.start(s, _PLANT, step)
-        elif time > self._time:
-            self._memory = self.effect.step(self._memory, self._before, s, time - self._time, _PLANT)
-        self._time, self._before = time, s
-        return self._memory
+        """Return the memory at a time; an earlier time than the last one restarts it, the same one takes in news.
+
+        A delay takes in one command per step: Runge and Kutta's method also asks within a step and, before there is a
+        new command, at its end.
+        """
+        since = time - self._now[0]
+        if since > 0.0 and isinstance(self.effect, TransportDelay):
+            within, before = since < (1.0 - _ROUND) * step, self._within
+            self._within = within
+            if within or before:
+                return self._now[2]
+        if since < 0.0:
+            self._earlier, self._within = None, False
+        elif since > 0.0:
+            self._earlier = self._now
+        if self._earlier is None:
+            memory = self.effect.start(s, _PLANT, step)
+        else:
+            then, given, memory = self._earlier
+            dt = time - then
+            dt = step if abs(dt - step) < _ROUND * step else dt  # times are sums of steps, and rounded
+            memory = self.effect.step(memory, given, s, dt, _PLANT)
+        self._now = (time, s, memory)
+        return memory
 
 
 class MujocoCallbacks:

@@ -14,24 +14,20 @@ from ..files import named_from
 from .base import Carried, Simulator
 from .integrate import STEPS
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
+from .mujoco_commands import gains_last, taken_delays
 from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
-from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text, write_full_inertia
+from .mujoco_versions import write_full_inertia
+from .mujoco_written import FED_BACK, NUMBERS, written
 from .ports import ModelParameter, Port, merged
 
-_NUMBERS = {
-    "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
-    "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator", **dict.fromkeys(PAYLOAD, "body"),
-}  # fmt: skip
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
     "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"), "actuator_kp": ("N m/rad", "N/m"),
     "actuator_kv": ("N m s/rad", "N s/m"), "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
-_FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
-"""Place of a servo's gains among the parameters of its bias."""
 BEGIN = -1000.0
 """Time at which steps over a sample begin, s: a model that goes beyond all bounds begins anew at rest, at 0."""
 _IN_REST = ("body_mass", "payload", "dof_armature", "actuator_gear")
@@ -55,6 +51,9 @@ class MujocoSimulator(Simulator):
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
         ``dof_frictionloss.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME`` and ``actuator_kv.NAME``;
         a plain number is the value itself, not a factor.
+    effects : sequence of (str, str, mapping), optional
+        Effects that are part of it. Delays of the model's own actuators are effects, too; one that is given at the same
+        actuator replaces it.
 
     Raises
     ------
@@ -88,6 +87,7 @@ class MujocoSimulator(Simulator):
     ) -> None:
         self.path = Path(model)
         self._m = _loaded(self.path)
+        delays = taken_delays(self._m)
         self._given = given_state(self.path, self._m)
         self._d = _mujoco().MjData(self._m)
         self._joints = _names(self._m, "joint")
@@ -106,6 +106,10 @@ class MujocoSimulator(Simulator):
             for body in self._hands:
                 given.setdefault(f"{kind}.{body}", ModelParameter(0.0, 0.0, self._unit(f"{kind}.{body}")))
         self._bodies: dict[int, Body] = {}
+        effects, delayed = list(effects), {where for name, where, _ in effects if name == "actuator_delay"}
+        for k, name in enumerate(self._actuators):
+            if k in delays and name not in delayed:
+                effects.append(("actuator_delay", name, {"delay": delays[k]}))
         super().__init__(merged(self._own_ports(), ports), given, effects)
         self._slots = [self._slot(name) for name in self.parameters]
         self._nominal = [np.array(array[at]) for array, at in self._slots]
@@ -138,10 +142,10 @@ class MujocoSimulator(Simulator):
         """Return the unit of a number of the model."""
         kind, _, of = name.partition(".")
         turning, sliding = _UNITS[kind]
-        if kind in _FED_BACK:
+        if kind in FED_BACK:
             at = list(self._actuators.values()).index(of)
             return turning if _unit_of(self._m, at).startswith("rad") else sliding
-        return turning if _NUMBERS[kind] == "joint" and self._turns(self._joints.index(of)) else sliding
+        return turning if NUMBERS[kind] == "joint" and self._turns(self._joints.index(of)) else sliding
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint its armature, and its inertia where the model begins."""
@@ -182,21 +186,21 @@ class MujocoSimulator(Simulator):
         """Return the array of the model that holds a parameter, and where."""
         kind, _, thing = name.partition(".")
         if thing not in self._bearers(kind):
-            known = [f"{k}.{n}" for k in _NUMBERS for n in self._bearers(k)]
+            known = [f"{k}.{n}" for k in NUMBERS for n in self._bearers(k)]
             raise ParameterError(f"The model has no {name!r}.", f"one of {', '.join(known[:30])}", "Correct the name.")
-        at: Any = _names(self._m, _NUMBERS[kind]).index(thing)
-        if _NUMBERS[kind] == "body":
+        at: Any = _names(self._m, NUMBERS[kind]).index(thing)
+        if NUMBERS[kind] == "body":
             return self._bodies.setdefault(at, Body(self._m, at)), kind
-        if kind in _FED_BACK:
-            return _Gain(self._m, at), _FED_BACK[kind]
+        if kind in FED_BACK:
+            return _Gain(self._m, at), FED_BACK[kind]
         return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
 
     def _bearers(self, kind: str) -> list[str]:
         """Return what has a number of a kind: gains have servos alone."""
         if kind in PAYLOAD:
             return list(self._hands)
-        names = _names(self._m, _NUMBERS[kind]) if kind in _NUMBERS else []
-        return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in _FED_BACK else names
+        names = _names(self._m, NUMBERS[kind]) if kind in NUMBERS else []
+        return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in FED_BACK else names
 
     @classmethod
     def from_page(
@@ -218,7 +222,7 @@ class MujocoSimulator(Simulator):
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the numbers of the model that are not zero."""
         found = {}
-        for kind in _NUMBERS:
+        for kind in NUMBERS:
             for name in self._bearers(kind) if kind != "actuator_kv" else ():  # kv is damping of the joint
                 array, at = self._slot(f"{kind}.{name}")
                 if float(array[at]) != 0.0:
@@ -318,8 +322,8 @@ class MujocoSimulator(Simulator):
     def in_elements(self, but: Collection[str] = ()) -> MujocoSimulator:
         """Return the simulator with those of its effects that MJCF has elements for as numbers of its model.
 
-        Viscous friction becomes ``damping``, dry friction ``frictionloss``, the gain of a motor its gear, a payload a
-        body of its own.
+        Viscous friction becomes ``damping``, dry friction ``frictionloss``, the gain of a motor its gear unless an
+        effect on its command comes later that a gain would change, a payload a body of its own.
 
         Parameters
         ----------
@@ -336,13 +340,13 @@ class MujocoSimulator(Simulator):
             own = numbers.get(key, ModelParameter(float(array[at])))
             numbers[key] = replace(own, value=factor * float(own.value) + more)
 
-        for name, where, values in self.effects:
+        for name, where, values, last in gains_last(self.effects):
             if name == "coulomb_friction" and where in self._joints:
                 change(f"dof_frictionloss.{where}", 1.0, 0.0 if name in but else values["amplitude"])
                 rest += [(name, where, values)] if name in but else []
             elif name == "viscous_friction" and where in self._joints:
                 change(f"dof_damping.{where}", 1.0, values["coefficient"])
-            elif name == "actuator_gain" and where in self._actuators and not self._feeds_back(where):
+            elif last and where in self._actuators and not self._feeds_back(where):
                 change(f"actuator_gear.{self._actuators[where]}", 1.0 + values["deviation"], 0.0)
             else:
                 rest.append((name, where, values))
@@ -355,7 +359,7 @@ class MujocoSimulator(Simulator):
         return int(self._m.actuator_biastype[at]) != int(_mujoco().mjtBias.mjBIAS_NONE)
 
     def compiled(self) -> Any:
-        """Return the model for MuJoCo itself, with the values of the parameters."""
+        """Return the model for MuJoCo itself, with the values of the parameters; delays in it are effects."""
         import copy
 
         self._set(np.asarray(self.numbers, dtype=float))
@@ -364,7 +368,8 @@ class MujocoSimulator(Simulator):
     def corrected_xml(self) -> tuple[str, list[tuple[str, str, dict[str, float]]]]:
         """Return the model with those of its effects and numbers that MJCF has elements for, and the other effects.
 
-        See `in_elements`; the gain of a servo's command becomes its ``gainprm``. Parameters are written as they stand.
+        See `in_elements`; the gain of a servo's command becomes its ``gainprm``, a delay of a command ``delay``, its
+        saturation ``ctrlrange``. Parameters are written as they stand.
 
         Returns
         -------
@@ -373,32 +378,10 @@ class MujocoSimulator(Simulator):
         rest : list of (str, str, dict)
             Effects that MJCF has no element for.
         """
-        spec, written = spec_of(self.path), self.in_elements()
-        for name, parameter in written.parameters.items():
-            kind, _, thing = name.partition(".")
-            if kind in PAYLOAD:
-                continue
-            item = spec_item(spec, self._m, _NUMBERS[kind], thing)
-            if kind == "body_mass":
-                _scale_mass(item, self._m, parameter.value / written._own(name))
-            elif kind in _FED_BACK:
-                _put_gain(item, _FED_BACK[kind], parameter.value)
-            else:
-                _put(item, kind.partition("_")[2], parameter.value)
-        for body, load in self.carried().items():
-            mass, *place = (self.get(load.numbers[word]) for word in ("value", "x", "y", "z"))
-            if mass > 0.0:
-                _add_payload(spec_item(spec, self._m, "body", body), f"{body}_payload", mass, place)
-        rest = []
-        for name, where, values in written.effects:
-            if name == "actuator_gain" and where in self._actuators:
-                actuator = spec_item(spec, self._m, "actuator", self._actuators[where])
-                _put(actuator, "gainprm", float(actuator.gainprm[0]) * (1.0 + values["deviation"]))
-            else:
-                rest.append((name, where, dict(values)))
-        return spec_text(spec), rest
+        return written(self, self._actuators)
 
-    def _own(self, name: str) -> float:
+    def own(self, name: str) -> float:
+        """Return a parameter's value in the model as it was loaded."""
         return float(self._nominal[list(self.parameters).index(name)])
 
 
@@ -416,36 +399,6 @@ class _Gain:
         if gain[0] == -bias[place]:
             gain[0] = value
         bias[place] = -value
-
-
-def _put_gain(actuator: Any, place: int, value: float) -> None:
-    """Write a servo's gain into the actuator of a model as it is written."""
-    gain, bias = np.array(actuator.gainprm, dtype=float), np.array(actuator.biasprm, dtype=float)
-    if gain[0] == -bias[place]:
-        gain[0] = value
-    bias[place] = -value
-    actuator.gainprm, actuator.biasprm = gain, bias
-
-
-def _scale_mass(body: Any, m: Any, ratio: float) -> None:
-    """Make a body as it is written heavier, its shape kept."""
-    if getattr(body, "explicitinertial", False):
-        body.mass *= ratio
-        body.inertia = np.array(body.inertia) * ratio
-        body.fullinertia = np.array(body.fullinertia) * ratio  # NaN where it is not given
-        return
-    for geom in geoms_of(body, m):
-        if not np.isnan(geom.mass):
-            geom.mass *= ratio
-        else:
-            geom.density *= ratio
-
-
-def _add_payload(body: Any, name: str, mass: float, place: Sequence[float]) -> None:
-    """Put a point mass on a body as it is written."""
-    load = body.add_body()
-    load.name, load.explicitinertial = name, True
-    load.mass, load.ipos, load.inertia = mass, list(place), [0.0] * 3
 
 
 def _loaded(path: Path) -> Any:
@@ -485,12 +438,3 @@ def _unit_of(m: Any, k: int) -> str:
     turns = int(m.jnt_type[m.actuator_trnid[k, 0]]) == int(mj.mjtJoint.mjJNT_HINGE)
     angle, (stiffness, damping) = "rad" if turns else "m", -m.actuator_biasprm[k, 1:3]
     return angle if stiffness > 0.0 else f"{angle}/s" if damping > 0.0 else "-"
-
-
-def _put(item: Any, word: str, value: float) -> None:
-    now = np.array(getattr(item, word), dtype=float)
-    if now.ndim and now.size > 1:
-        now[0] = value
-        setattr(item, word, now)
-    else:
-        setattr(item, word, value)

@@ -45,6 +45,11 @@ def limits_tendons(m: Any) -> bool:
     return _version() >= (3, 3, 1) and bool(np.any(m.tendon_actfrclimited))
 
 
+def keeps_commands() -> bool:
+    """Tell whether actuators have histories of commands, and delays."""
+    return _version() >= (3, 5)
+
+
 def spec_of(path: Path) -> Any:
     """Return a model as it is written, for changes."""
     import mujoco

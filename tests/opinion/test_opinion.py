@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import json
+import tomllib
+from dataclasses import replace
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from support.rail import LIBRARY, log_of, rail
 
 from pamid.errors import ParameterError, SimulatorSyntaxError
 from pamid.opinion import Opinion, Passport, read_fit, second_opinion
+from pamid.opinion.estimates import estimates, freed
+from pamid.opinion.judge import LEVEL
 from pamid.simulators import EquationSimulator, Port, Simulator
 
 
@@ -31,6 +36,15 @@ def test_a_clean_fit_is_not_accused() -> None:
     said = second_opinion(log_of(0.0), rail(), {"m": 2.0, "c": 3.0}, LIBRARY)
     assert not said.absorbed and not said.missing and {j.status for j in said.numbers} == {"holds"}
     assert said.sentences()[-1] == "No further run is needed."
+    assert said.agreement > LEVEL and "disagree" not in " ".join(said.sentences())
+
+
+def test_runs_that_disagree_about_a_number_are_told() -> None:
+    parts = [log_of(0.0).query("trajectory < '2'"), log_of(0.0, mass=2.02, seed=5).query("trajectory > '1'")]
+    said = second_opinion(pd.concat(parts).query("time < 4"), rail(), {"m": 2.01, "c": 3.0}, ["coulomb_friction"])
+    assert said.agreement < LEVEL
+    assert "Runs of this log disagree about the numbers (p < 1e-06)." in said.sentences()
+    assert Passport.of(said).agreement == said.agreement
 
 
 def test_a_fit_that_misses_the_log_is_off_and_one_outside_its_tolerance_absorbed() -> None:
@@ -61,6 +75,9 @@ def test_files_of_other_tools_are_read(tmp_path: Path) -> None:
     assert set(read_fit(tmp_path / "bam.json").numbers) == {"kt", "friction_base"}
     (tmp_path / "fit.toml").write_text("[parameters]\nm = { value = 2.2, unit = 'kg' }\n")
     assert read_fit(tmp_path / "fit.toml").of(rail()).numbers["m"].value == 2.2
+    (tmp_path / "start_values.json").write_text(json.dumps({"m": "2.3", "c": 3.1, "on": True, "label": "fast"}))  # FMPy
+    fit = read_fit(tmp_path / "start_values.json").of(rail())
+    assert {k: v.value for k, v in fit.numbers.items()} == {"m": 2.3, "c": 3.1} and fit.unmatched == ()
     (tmp_path / "best.pt").write_bytes(b"x")
     with pytest.raises(SimulatorSyntaxError, match="can carry code"):
         read_fit(tmp_path / "best.pt")
@@ -113,6 +130,18 @@ def test_gains_of_a_servo_are_numbers_of_it(tmp_path: Path) -> None:
 
 
 # --- the passport --------------------------------------------------------------------------------------------
+def test_the_passport_states_how_far_runs_agree() -> None:
+    log = log_of(0.0)
+    said = second_opinion(log, rail(), {"m": 2.0, "c": 3.0}, ["coulomb_friction"])
+    judged = freed(rail(), {j.name: j.value for j in said.numbers})
+    computed = estimates(log, judged, ["m", "c"]).agreement
+    stated = tomllib.loads(Passport.of(said).text())["passport"]["agreement_of_runs"]
+    assert stated == pytest.approx(computed) and LEVEL < stated < 1.0
+    one = estimates(log.query("trajectory == '0'"), judged, ["m", "c"]).agreement
+    assert one != one, "a single run agrees with no other"
+    assert "agreement_of_runs" not in Passport.of(replace(said, agreement=one)).text()
+
+
 def test_a_second_rig_tests_the_passport(absorbed: Opinion) -> None:
     passport = Passport.of(absorbed, "first.csv")
     assert absorbed.diagnosis.corrected is not None
