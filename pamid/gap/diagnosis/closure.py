@@ -70,8 +70,13 @@ class Clusters:
         return out
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
-        """Return the effects' parameters with 90 % intervals, by the jackknife over runs."""
-        from scipy.special import stdtrit
+        r"""Return the effects' parameters with 90 % intervals: the jackknife over runs, and what tolerances leave open.
+
+        A tolerance has one value on all runs, which a jackknife over them cannot show. With H the information of all
+        runs, that of the prior :math:`\Lambda` included, a true value apart from the prior's centre shifts the fit by
+        :math:`H^{-1}\Lambda` times as much, whose covariance is :math:`H^{-1}\Lambda H^{-1}`.
+        """
+        from scipy.special import ndtri, stdtrit
 
         n, m = len(self.H), self.evidence.J.shape[1]
         total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
@@ -84,10 +89,13 @@ class Clusters:
         else:
             error = np.full(self.A.shape[1], np.inf)
         reach = float(stdtrit(max(n - 1, 1), 0.95))
+        whole = np.ones(len(self.moving), dtype=bool)
+        shifts = np.array([self._solve(total_H, row, whole) for row in np.sqrt(self.prior[:m])]).reshape(m, -1)
+        open_ = float(ndtri(0.95)) * np.sqrt(np.sum(np.square(shifts), axis=0))
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
             value = self.fit.spec[name][p.name]
-            wide = reach * float(np.hypot(error[m + k], FORM_LOCAL * p.size(value)))
+            wide = float(np.hypot(reach * np.hypot(error[m + k], FORM_LOCAL * p.size(value)), open_[m + k]))
             known = np.isfinite(wide) and np.any(self.A[:, m + k])
             ci: Interval = p.interval(value, wide) if known else (-np.inf, np.inf)
             at_bound = not p.lower < value < p.upper and value != p.nominal
