@@ -90,7 +90,7 @@ class Clusters:
             error = np.full(self.A.shape[1], np.inf)
         reach = float(stdtrit(max(n - 1, 1), 0.95))
         whole = np.ones(len(self.moving), dtype=bool)
-        shifts = np.array([self._solve(total_H, row, whole) for row in np.sqrt(self.prior[:m])]).reshape(m, -1)
+        shifts = np.array([self._solve(total_H, row, whole) for row in np.sqrt(self.prior[:m])]).reshape(m, len(whole))
         open_ = float(ndtri(0.95)) * np.sqrt(np.sum(np.square(shifts), axis=0))
         found: dict[str, dict[str, ParameterEstimate]] = {}
         for k, (name, p) in enumerate(self.slots):
