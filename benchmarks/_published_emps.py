@@ -89,6 +89,8 @@ def published(a: np.ndarray, v: np.ndarray) -> list[np.ndarray]:
 def instrumental(record: Record, terms: Columns, rounds: int = 4) -> np.ndarray:
     """Return the parameters by instruments from a simulation that the reference drives (IDIM-IV).
 
+    With the filters and terms of the protocol; `pamid.gap.refit_with_instruments` uses the windows of a diagnosis.
+
     References
     ----------
     A. Janot, P. O. Vandanjon, M. Gautier, "A generic instrumental variable approach for industrial robot

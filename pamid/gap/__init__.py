@@ -16,6 +16,7 @@ from .diagnosis.findings import (
 from .diagnosis.localise import state_table
 from .diagnosis.result import Diagnosis
 from .evaluation import evaluate_simulator
+from .instruments import InstrumentalRefit, Instrumented, refit_with_instruments
 from .refit import Refit, refit_within_tolerance
 from .several.logs import diagnose
 
@@ -29,6 +30,8 @@ __all__ = [
     "Diagnosis",
     "EquationFinding",
     "Event",
+    "InstrumentalRefit",
+    "Instrumented",
     "NextExperiment",
     "ParameterEstimate",
     "Refit",
@@ -38,6 +41,7 @@ __all__ = [
     "diagnose_simulator",
     "evaluate_simulator",
     "next_run",
+    "refit_with_instruments",
     "refit_within_tolerance",
     "state_table",
 ]

@@ -33,6 +33,10 @@ standard deviation of the measurement (nrmse), and the noise floor: the rmse of 
 which is estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain
 it: --refit first fits them within their tolerances.
 
+--refit --instruments COLUMN is for logs recorded in closed loop, where noise comes back through the controller and
+biases a refit. COLUMN holds the reference that the controller followed; sizes of the simulator's own effects, such as
+the causes in corrected.toml, are fitted, too. The log must hold all states, or positions whose speeds the others are.
+
 The column fit is 100 % − nrmse, as in MATLAB's compare.
 
 SIM.toml may also describe a cylinder, a joint or a muscle with its one equation, or your own simulator: a function,
@@ -41,6 +45,7 @@ equations, a MuJoCo model, an FMU. With --model, a model saved by 'pamid fit' pr
 _EXAMPLES = """\
   pamid evaluate log.parquet --sim sim.toml
   pamid evaluate log.parquet --sim sim.toml --refit --json
+  pamid evaluate log.csv --sim diagnosis/corrected.toml --refit --instruments wanted      recorded in closed loop
   pamid evaluate new.csv --columns mapping.toml --sim sim.toml --model force.pamid
 """
 
@@ -64,6 +69,12 @@ def add_parser(subparsers: Any) -> None:
     )
     add_trust_option(parser)
     parser.add_argument("--refit", action="store_true", help="first refit the parameters within their tolerances")
+    parser.add_argument(
+        "--instruments",
+        metavar="COLUMN",
+        action="append",
+        help="with --refit: the reference of the controller under which the log was recorded; repeatable",
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,6 +85,8 @@ def run(args: argparse.Namespace) -> int:
         raise ParameterError(
             "--refit goes through the log several times, and --piece-rows once.", "one of the two", "Leave one out."
         )
+    if args.instruments and not args.refit:
+        raise ParameterError("--instruments is given without --refit.", "both", "Add --refit.")
     if args.sim is None:
         raise ParameterError(
             "Neither --sim nor --model is given.", "a simulator or a model", "Add --sim SIM.toml or --model MODEL."
@@ -84,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
 def _evaluate_simulator(args: argparse.Namespace) -> int:
     from ...any_simulator import evaluate
     from ...bench import BenchParameters
-    from ...gap import refit_within_tolerance
+    from ...gap import refit_with_instruments, refit_within_tolerance
     from ...simulators import Simulator
 
     simulator: Any = any_simulator_of(args)
@@ -96,7 +109,16 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
         log = load_pieces(args, args.piece_rows, simulator=simulator)
     if isinstance(simulator, Simulator) and simulator.states_equation and args.piece_rows is None:
         extra["doubts"] = said = simulator.doubts(log)
-    if args.refit:
+    if args.instruments:
+        with progress(args, "Refitting with instruments"):
+            found = refit_with_instruments(log, simulator, args.instruments)
+        simulator = found.params
+        extra["instruments"] = {
+            "reference": args.instruments,
+            "estimates": {name: one.as_dict() for name, one in found.estimates.items()},
+            "beyond": list(found.beyond),
+        }
+    elif args.refit:
         with progress(args, "Refitting within tolerances"):
             refit = refit_within_tolerance(log, simulator)
         simulator = refit.params
@@ -117,9 +139,12 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     for name, change in extra.get("refit", {}).get("relative_change", {}).items():
         bound = ", at its bound" if name in extra["refit"]["at_bound"] else ""
         print(f"refitted: {name} {change:+.3%} to {simulator.get(name):.6g}{bound}")
+    if args.instruments:
+        for name, one in found.estimates.items():
+            print(f"{one.sentence(name)}{', beyond its tolerance' if name in found.beyond else ''}")
     for text in said:
         note(args, text)
-    if args.refit and not extra["refit"]["relative_change"]:
+    if "refit" in extra and not extra["refit"]["relative_change"]:
         note(args, "nothing is refitted: no parameter of the simulator has a tolerance")
     tolerance = getattr(simulator, "tolerance", {})
     if not args.refit and tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):

@@ -29,6 +29,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ...equations.windows import average
+from ...simulators.base import Simulator
 from ...simulators.placement import Placement
 from .balance import Balance
 from .ports import PortEvidence
@@ -43,6 +44,7 @@ class UndoneEvidence(PortEvidence, ABC):
     _jumps: dict[str, np.ndarray]
     _tables: list[dict[str, np.ndarray]]
     balances: list[Balance]
+    _x: np.ndarray
     n: int
     _first: list[list[np.ndarray]]
 
@@ -56,6 +58,24 @@ class UndoneEvidence(PortEvidence, ABC):
     @abstractmethod
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the states at each row, and all signals by name."""
+
+    def left(self, simulator: Simulator, channels: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
+        """Return white residuals of the simulator with other numbers, on the log or on signals of a simulation.
+
+        Those are without faults of commands and sensors.
+        """
+        own = [one for one in self.made_as(simulator) if channels is None or one[0].acts]
+        return self.white(self._finite(self._residual(own, simulator.numbers, channels)) / self.noise)
+
+    def made_as(self, simulator: Simulator) -> Active:
+        """Return the effects of the simulator with other numbers, made, where they can act on the log."""
+        there = [(self.placements.get(f"{name}@{where}"), values) for name, where, values in simulator.effects]
+        return [(place, place.made(values)) for place, values in there if place is not None]
+
+    @property
+    def motion(self) -> tuple[np.ndarray, np.ndarray]:
+        """The states and inputs at each row, shapes (n_states, n) and (n_inputs, n)."""
+        return self._x, self._u
 
     def pulled(self) -> float:
         r"""Return by how many standard errors noise in the modelled rates pulls the parameter that it pulls most.
