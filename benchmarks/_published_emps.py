@@ -144,6 +144,21 @@ def named(folder: Path) -> tuple[list[str], Columns, float]:
     return names, terms, time.perf_counter() - begun
 
 
+def with_stribeck(record: Record, terms: Columns) -> Columns:
+    """Return terms with one more, by which dry friction falls with the speed; its range fits a record best."""
+    from scipy.optimize import minimize_scalar
+
+    def more(log_range: float) -> Columns:
+        falling = _sliding({"velocity": np.exp(log_range)})
+        return lambda a, v: [*terms(a, v), falling(a, v)[1]]
+
+    def error(log_range: float) -> float:
+        return record.error(more(log_range), record.least_squares(more(log_range)))
+
+    least, most = np.log(np.quantile(np.abs(record.v), [0.05, 0.95]))
+    return more(float(minimize_scalar(error, bounds=(least, most), method="bounded").x))
+
+
 def draw(record: Record, rows: list[tuple[str, Columns, np.ndarray]], path: Path) -> None:
     """Draw the mean force error over the speed, in bins."""
     from matplotlib.figure import Figure
@@ -173,12 +188,14 @@ def study(folder: Path, plots: Path | None = None) -> None:
     records = {k: Record(folder / f) for k, f in FILES.items() if (folder / f).is_file()}
     names, terms, seconds = named(folder)
     train = records["train"]
+    more = with_stribeck(train, terms)
     rows: list[tuple[str, Columns, np.ndarray]] = [
         ("published parameters", published, PUBLISHED),
         ("published terms, least squares", published, train.least_squares(published)),
         ("published terms, IDIM-IV", published, instrumental(train, published)),
         (f"named by pamid: {', '.join(names)}", terms, train.least_squares(terms)),
         ("the same, IDIM-IV", terms, instrumental(train, terms)),
+        ("the same and a Stribeck term, least squares", more, train.least_squares(more)),
     ]
     print("EMPS: relative force error of the inverse model, %; fitted on the training record alone")
     print(f"  {'':58s} {'train':>6s} {'pulses':>7s}  parameters")
