@@ -30,7 +30,7 @@ ENDLESS = 3.0
 """Relative error above which a combination of numbers has no effect on a log."""
 MOST = 0.5
 """Share of the gap that causes must close on held-out runs, for a number to have absorbed them."""
-POSITIVE = ("body_mass.", "dof_armature.", "dof_damping.", "dof_frictionloss.")
+POSITIVE = ("body_mass.", "dof_armature.", "dof_damping.", "dof_frictionloss.", "jnt_stiffness.")
 """Numbers that cannot be negative."""
 
 

@@ -20,7 +20,7 @@ Estimates = Mapping[str, "ParameterEstimate"]
 DEVIATION, DRIFT = "parameter_deviation", "parameter_drift"
 _ALIKE = 0.1
 """How much two sizes of one thing may differ, as a share: each is fitted in the place of the other."""
-_MODEL = re.compile(r"^(?:body|dof|actuator)_(\w+)\.(.+)$")
+_MODEL = re.compile(r"^(?:body|dof|jnt|actuator)_(\w+)\.(.+)$")
 
 
 def named(name: str, port: str) -> str:

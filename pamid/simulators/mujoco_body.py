@@ -49,7 +49,17 @@ class Body:
             both = (mass * centre + load * place) / (mass + load)
             J = _turned(turn, inertia) + mass * _spread(centre - both) + load * _spread(place - both)
             mass, centre, (inertia, turn) = mass + load, both, _principal(J)
+            _complicate(m, k)
         m.body_mass[k], m.body_ipos[k], m.body_iquat[k], m.body_inertia[k] = mass, centre, turn, inertia
+
+
+def _complicate(m: Any, k: int) -> None:
+    """Take back that a body turns about its own centre, which MuJoCo notes at compilation to save work."""
+    if m.body_simple[k]:
+        dof = int(m.body_dofadr[k])
+        m.body_simple[k] = m.body_sameframe[k] = 0
+        # Each counts the simple ones from itself on.
+        m.dof_simplenum[: dof + 1] = np.minimum(m.dof_simplenum[: dof + 1], dof - np.arange(dof + 1))
 
 
 def hands(m: Any) -> list[int]:
@@ -60,7 +70,9 @@ def hands(m: Any) -> list[int]:
     ends = {k for k in range(1, m.nbody) if m.body_jntnum[k]}
     for k in list(ends):
         ends.discard(_holder(m, k))
-    return sorted(ends | {_holder(m, k) for k in ends if not _is_flange(m, k)} - {0})
+    found = ends | {_holder(m, k) for k in ends if not _is_flange(m, k)} - {0}
+    # The joints of a simple body are compiled as independent: what couples them could not be computed.
+    return sorted(k for k in found if not (m.body_simple[k] and m.body_dofnum[k] > 1))
 
 
 def _holder(m: Any, k: int) -> int:

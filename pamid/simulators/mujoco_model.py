@@ -24,8 +24,9 @@ from .ports import ModelParameter, Port, merged
 
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
-    "dof_frictionloss": ("N m", "N"), "actuator_gear": ("-", "-"), "actuator_kp": ("N m/rad", "N/m"),
-    "actuator_kv": ("N m s/rad", "N s/m"), "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
+    "dof_frictionloss": ("N m", "N"), "jnt_stiffness": ("N m/rad", "N/m"), "actuator_gear": ("-", "-"),
+    "actuator_kp": ("N m/rad", "N/m"), "actuator_kv": ("N m s/rad", "N s/m"), "payload_mass": ("kg", "kg"),
+    **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
 BEGIN = -1000.0
@@ -49,8 +50,8 @@ class MujocoSimulator(Simulator):
         Ports whose columns, units or starts differ from the model's own.
     parameters : mapping, optional
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
-        ``dof_frictionloss.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME`` and ``actuator_kv.NAME``;
-        a plain number is the value itself, not a factor.
+        ``dof_frictionloss.NAME``, ``jnt_stiffness.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME``
+        and ``actuator_kv.NAME``; a plain number is the value itself, not a factor.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it. Delays of the model's own actuators are effects, too; one that is given at the same
         actuator replaces it.

@@ -106,3 +106,44 @@ def test_a_payload_is_in_the_corrected_model_as_a_body(tmp_path: Path) -> None:
     assert read_simulator(tmp_path / "page.toml").get("payload_mass.lower") == 0.3
     unloaded = plain.rate(t, x, u, np.repeat(plain.numbers[:, None], 5, axis=1))
     assert not np.allclose(unloaded, rates, rtol=1e-2)
+
+
+CENTRED = """<mujoco><worldbody>{bodies}</worldbody></mujoco>"""
+BODY = """<body name="{name}" pos="{at} 0 0"><joint name="{name}_turns" axis="0 1 0" stiffness="15"/>
+<inertial pos="{place}" mass="{mass}" diaginertia="0.01 0.02 0.03"/></body>"""
+
+
+def test_a_body_that_turns_about_its_own_centre_may_carry_a_load_off_it(tmp_path: Path) -> None:
+    """MuJoCo compiles such a body as a simple one, and refuses that another centre is set."""
+    bodies = [BODY.format(name=n, at=k, place="0 0 0", mass=2) for k, n in enumerate("abc")]
+    (tmp_path / "plain.xml").write_text(CENTRED.format(bodies="".join(bodies)))
+    plain = MujocoSimulator(tmp_path / "plain.xml")
+    loaded = plain.with_({"payload_mass.b": 1.0, "payload_x.b": 0.3, "payload_z.b": -0.3})
+    more = '<body pos="0.3 0 -0.3"><inertial pos="0 0 0" mass="1" diaginertia="0 0 0"/></body></body>'
+    bodies[1] = bodies[1].replace("</body>", more)
+    (tmp_path / "true.xml").write_text(CENTRED.format(bodies="".join(bodies)))
+    true = MujocoSimulator(tmp_path / "true.xml")
+    rng = np.random.default_rng(0)
+    x, u, t = rng.uniform(-1, 1, (6, 5)), rng.uniform(-1, 1, (3, 5)), np.zeros(5)
+    loaded_rates, true_rates, plain_rates = (
+        s.rate(t, x, u, np.repeat(s.numbers[:, None], 5, axis=1)) for s in (loaded, true, plain)
+    )
+    assert loaded_rates == pytest.approx(true_rates, rel=1e-6)
+    assert not np.allclose(plain_rates, true_rates, rtol=1e-2)
+
+
+def test_joints_that_a_body_was_compiled_with_as_independent_carry_no_payload(tmp_path: Path) -> None:
+    body = """<body name="stage"><joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>
+    <inertial pos="0 0 0" mass="2" diaginertia="0.01 0.01 0.01"/></body>"""
+    (tmp_path / "stage.xml").write_text(CENTRED.format(bodies=body))
+    assert MujocoSimulator(tmp_path / "stage.xml").carried() == {}
+
+
+def test_a_spring_that_is_too_stiff_is_the_number_of_its_joint(tmp_path: Path) -> None:
+    xml = CENTRED.format(bodies=BODY.format(name="a", at=0, place="0 0 -0.1", mass=2))
+    (tmp_path / "a.xml").write_text(xml)
+    simulator = MujocoSimulator(tmp_path / "a.xml")
+    own = simulator.own_numbers()["jnt_stiffness.a_turns"]
+    assert (own.value, own.unit) == (15.0, "N m/rad")
+    text, rest = MujocoSimulator(tmp_path / "a.xml", parameters={"jnt_stiffness.a_turns": 18.0}).corrected_xml()
+    assert rest == [] and mujoco.MjModel.from_xml_string(text).jnt_stiffness[0] == 18.0
