@@ -13,8 +13,9 @@ from .mujoco_commands import gains_last, put_delay, put_range
 from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text
 
 NUMBERS = {
-    "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint", "jnt_stiffness": "joint",
-    "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator", **dict.fromkeys(PAYLOAD, "body"),
+    "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
+    "jnt_stiffness": "joint", "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator",
+    **dict.fromkeys(PAYLOAD, "body"),
 }  # fmt: skip
 """What has a number of each kind."""
 FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
