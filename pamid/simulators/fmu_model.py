@@ -82,6 +82,7 @@ class FmuSimulator(Simulator):
 
     kind: ClassVar[str] = "fmu"
     kinds: ClassVar[tuple[str, ...]] = ("fmu",)
+    one_by_one: ClassVar[bool] = True
     form = "run"
 
     def __init__(
