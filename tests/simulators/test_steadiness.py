@@ -21,7 +21,7 @@ OUTWARD = [Port("F", "input", "N"), Port("y", "output", "m")]
 
 
 def log() -> pd.DataFrame:
-    t, rng = np.arange(0, 3, 0.01), np.random.default_rng(0)
+    t, rng = np.arange(0, 1, 0.01), np.random.default_rng(0)
     F = 6 * np.sin(3 * t)
     v = np.cumsum(F) * 0.01 / 2.0 + 1e-3 * rng.standard_normal(len(t))
     x = np.cumsum(v) * 0.01 + 1e-5 * rng.standard_normal(len(t))
