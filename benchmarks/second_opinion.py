@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -16,6 +17,8 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from benchmarks.any_simulator.causes import Number
 from benchmarks.any_simulator.generator import Case, Spec, make, sizes_of
