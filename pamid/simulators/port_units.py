@@ -106,7 +106,7 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
     p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(rows), axis=1)
     whole = simulator.rate(log.t[rows], x[:, rows], u[:, rows], p)
     exchanged = _exchanged(
-        simulator, lambda drive: simulator.rate(log.t[rows], x[:, rows], drive, p), u[:, rows], rates
+        simulator, lambda drive: simulator.rate(log.t[rows], x[:, rows], drive, p), u[:, rows], whole, rates
     )
     if exchanged:
         yield exchanged
@@ -128,25 +128,32 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
             )
 
 
-def _exchanged(simulator: Simulator, rate: Callable[[np.ndarray], np.ndarray], u: np.ndarray, seen: np.ndarray) -> str:
-    """Return a sentence on two inputs of one unit whose columns, exchanged, move every state as it is seen to move."""
-    rest, names = rate(np.zeros_like(u)), simulator.inputs
+def _exchanged(
+    simulator: Simulator, rate: Callable[[np.ndarray], np.ndarray], u: np.ndarray, whole: np.ndarray, seen: np.ndarray
+) -> str:
+    """Return a sentence on two inputs of one unit whose columns, exchanged, move every state as it is seen to move.
 
-    def explains(drive: np.ndarray) -> bool:
-        does = rate(drive) - rest
-        found = [_factor(a, b) for a, b in zip(does, seen - rest, strict=True) if np.ptp(a) > 0.0]
-        return bool(found) and all(alike > _ALIKE and 1 / _GAIN < factor < _GAIN for factor, alike in found)
-
+    `whole` are the rates under the inputs as they are.
+    """
+    names = simulator.inputs
     pairs = [
         (i, j)
         for i, j in combinations(range(len(names)), 2)
         if simulator.port(names[i]).unit == simulator.port(names[j]).unit and np.any(u[i] != u[j])
     ]
-    if pairs and not explains(u):
+    if not pairs:
+        return ""
+    rest = rate(np.zeros_like(u))
+
+    def explains(found: np.ndarray) -> bool:
+        told = [_factor(a, b) for a, b in zip(found - rest, seen - rest, strict=True) if np.ptp(a) > 0.0]
+        return bool(told) and all(alike > _ALIKE and 1 / _GAIN < factor < _GAIN for factor, alike in told)
+
+    if not explains(whole):
         for i, j in pairs:
             other = u.copy()
             other[[i, j]] = u[[j, i]]
-            if explains(other):
+            if explains(rate(other)):
                 what = "what one drives in the simulator moves with the other in the log"
                 return f"{names[i]} and {names[j]} seem to be exchanged: {what}"
     return ""

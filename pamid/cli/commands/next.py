@@ -110,7 +110,7 @@ def add_parser(subparsers: Any) -> None:
         "--designs",
         type=int,
         metavar="N",
-        help="number of designs to try (default: 200, fewer for long runs of MuJoCo)",
+        help="number of designs to try (default: 200, fewer for long runs of MuJoCo models and FMUs)",
     )
     parser.add_argument(
         "--for",
