@@ -30,7 +30,7 @@ import numpy as np
 
 from ..errors import FitError, IncompatibleError, MissingColumnError, ParameterError
 from ..simulators.base import Simulator
-from ..simulators.integrate import Runner
+from ..simulators.integrate import Runner, side_by_side
 from ..simulators.port_log import PortLog, port_log
 from ..simulators.ports import Port
 from .residuals.direct import DirectEvidence
@@ -406,7 +406,7 @@ class _Loop:
     def _simulated(self, simulator: Simulator, laws: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Return the channels of the loop under each of some laws, all runs and laws side by side."""
         evidence, log, n, n_r = self.evidence, self.evidence.log, len(self.x), len(self.held)
-        rows, many = _side_by_side(log), len(log.spans)
+        rows, many = side_by_side(log.spans, max(b - a for a, b in log.spans)), len(log.spans)
         runner = _Fed(simulator, log.dt, evidence.joints, self.substeps)
         each = np.repeat(np.stack(laws, axis=-1), many, axis=-1)
         runner.gains, runner.pull, runner.held = each[:, :n], each[:, -n_r:], self.held
@@ -446,9 +446,3 @@ def _law(told: np.ndarray, u: np.ndarray) -> np.ndarray:
     scale = np.sqrt(np.mean(np.square(told), axis=1, keepdims=True))
     scale[scale == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq((told / scale).T, u.T, rcond=None)[0].T / scale.T)
-
-
-def _side_by_side(log: PortLog) -> np.ndarray:
-    """Return the rows of the runs side by side, the last ones repeated in short ones, shape (n_longest, n_runs)."""
-    longest = max(b - a for a, b in log.spans)
-    return np.stack([np.minimum(a + np.arange(longest), b - 1) for a, b in log.spans], axis=1)

@@ -19,6 +19,11 @@ MOST = 1e9
 """Size, in spans of a state, at which a run has diverged: it is held there."""
 
 
+def side_by_side(spans: Sequence[tuple[int, int]], length: int) -> np.ndarray:
+    """Return the rows of runs side by side, the last one repeated where a run is shorter, shape (length, n_runs)."""
+    return np.stack([np.minimum(a + np.arange(length), b - 1) for a, b in spans], axis=1)
+
+
 class Runner:
     """Integrates a simulator by the classical Runge–Kutta method, inputs held over each sample or interpolated."""
 

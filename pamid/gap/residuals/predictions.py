@@ -12,7 +12,7 @@ from ...errors import SimulatorRunError
 from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...simulators.base import Simulator
-from ...simulators.integrate import MOST, Runner
+from ...simulators.integrate import MOST, Runner, side_by_side
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from .between_rows import drawn, passed_on
@@ -214,7 +214,7 @@ class PredictedEvidence(StretchEvidence):
         simulator, log, given = self.simulator, self.log, u
         u = drawn(u, log.starts, self.substeps) if self.lines else u
         length = max(s.stop - s.first for s in self.stretches)
-        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in self.stretches], axis=1)
+        rows = side_by_side(self.stretches, length)
         copies = [p] if p.ndim == 2 else list(p)
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)

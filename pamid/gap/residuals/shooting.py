@@ -25,7 +25,7 @@ from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
-from ...simulators.integrate import substeps_for
+from ...simulators.integrate import side_by_side, substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
@@ -93,7 +93,7 @@ class ShootingEvidence(PredictedEvidence):
         """Return the steps per sample that some stretches need in their first rows, from initial states."""
         simulator, log, some = self.simulator, self.log, self.stretches[:8]
         length = min(max(s.stop - s.first for s in self.stretches), most)
-        rows = np.stack([np.minimum(s.first + np.arange(length), s.stop - 1) for s in some], axis=1)
+        rows = side_by_side(some, length)
         numbers, u = np.repeat(simulator.numbers[:, None], len(some), axis=1), np.moveaxis(self._u[:, rows], 0, 1)
         return substeps_for(simulator, log.dt, log.t[rows], x0[:, : len(some)], u, numbers, needed, share=share)
 
