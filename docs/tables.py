@@ -229,7 +229,7 @@ WHAT_TO_DO = {
     "EffectsWarning": "Use the corrected simulator, which includes the cause, instead of the hybrid model.",
     "SimulatorWarning": "Fix its seed in each call, and keep no state between calls.",
     "StreamChangeWarning": "Check the sensors; if the muscle has changed, fit again on the rows since.",
-    "VolumeWarning": "Check units, signs and lengths; give runs that change the pressure faster.",
+    "VolumeWarning": "Check units, signs and lengths; record runs that change the pressure faster.",
     "InterruptedFitWarning": "Nothing, if you stopped the fit; otherwise fit again.",
     "SamplingWarning": 'Resample with `pamid.signals.resample`, or pass `sampling="raise"` to refuse such logs.',
 }

@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class BackEmf(Effect):
-    r"""Back-EMF: what a motor in motion takes from the voltage that drives it.
+    r"""Back-EMF: the voltage that a turning motor induces against its drive.
 
     .. math:: \Delta U = -k_e\,\dot q
 

@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class BladderPreload(Effect):
-    r"""Force of a bladder that resists at rest length already, and more with growing contraction.
+    r"""Force of a bladder that resists even at rest length, and more as the muscle contracts.
 
     .. math:: \Delta F = -(F_0 + k\,\varepsilon + c\,\varepsilon^2)
 

@@ -13,7 +13,7 @@ from .values import Parameter
 
 
 class Maxwell(Branches):
-    r"""Generalised Maxwell model: three springs, each behind a damper, a decade of time apart.
+    r"""Generalised Maxwell model: three springs in series with dampers, their time constants a decade apart.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} k_i\,(x - x_i), \qquad \tau_i\,\dot x_i = x - x_i, \qquad
         \tau_i = \tfrac{1}{10}\,\tau,\; \tau,\; 10\,\tau

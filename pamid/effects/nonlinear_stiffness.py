@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class NonlinearStiffness(Effect):
-    r"""Restoring force beyond Hooke's law, as of an electronic or mechanical Duffing oscillator.
+    r"""Restoring force beyond Hooke's law, as in a Duffing oscillator.
 
     .. math:: \Delta F = -k_2\,x^2 - k_3\,x^3
 

@@ -11,7 +11,7 @@ from .values import Parameter
 
 
 class Overflow(Effect):
-    r"""Outflow above a level, as of an overflowing tank or an opening relief valve.
+    r"""Outflow above a level, as from an overflowing tank or an opening relief valve.
 
     .. math:: \Delta\dot m = -c\,\max(P - P_o, 0)
 

@@ -10,7 +10,7 @@ from .values import Parameter
 
 
 class Rectification(Effect):
-    r"""A reading without its sign, as counted pulses, rectified voltages and plain tachometers give it.
+    r"""A reading without its sign, as from counted pulses, a rectified voltage or a plain tachometer.
 
     .. math:: y' = y + s\,(|y| - y)
 

@@ -10,7 +10,7 @@ from .values import Parameter
 
 
 class Slack(Effect):
-    r"""Tension that ends where the muscle is slack, or at a residual tension where it has buckled.
+    r"""Slack muscle: the tension falls to zero, or to a residual tension once the muscle has buckled.
 
     .. math:: F' = F_0 + \tfrac{1}{2}\left(F - F_0 + \sqrt{(F - F_0)^2 + w^2}\right)
 

@@ -17,7 +17,7 @@ share of the supply pressure."""
 
 
 class SupplyDroop(Effect):
-    r"""A receiver behind a regulator, and a hose from it to each valve: the inlet pressure falls with the flow drawn.
+    r"""Receiver behind a regulator, and a hose to each valve: the inlet pressure falls with the flow drawn.
 
     .. math:: P_s' = \frac{P_s - d}{1 + R_s k}, \qquad \tau\,\dot d = R_r \sum k\,P_s' - d, \qquad
         k = C\,u^+ \rho_0\,\psi\big(P/(P_s - d)\big)

@@ -13,7 +13,7 @@ from .values import Parameter
 
 
 class ThresholdPressure(Effect):
-    r"""Pressure that is spent on widening the bladder until it meets the braid; below it the muscle is slack.
+    r"""Pressure that widens the bladder until it meets the braid; below this pressure the muscle is slack.
 
     .. math:: \Delta F = \frac{p_e - p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
         p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad

@@ -16,7 +16,7 @@ _LEAST = 1e-4
 
 
 class ValveLag(Effect):
-    r"""Lag of the spool behind the command, which is held over a control period; of second order with inertia.
+    r"""Lag of the spool behind the command, which is held for a control period; second order if the spool has inertia.
 
     .. math:: s\,\tau^2\,\ddot y + \tau\,\dot y = u - y, \qquad u' = y
 

@@ -24,7 +24,7 @@ from .functions import force
 
 @dataclass(frozen=True)
 class BouSabaVolume(ClassicalVolume):
-    r"""Volume whose virtual work is a braided cylinder's force with a free exponent.
+    r"""Volume that follows from the force of a braided cylinder with a free exponent.
 
     .. math:: F = \pi r_0^2\, p \left[\frac{3 (1 - \varepsilon)^\nu}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right]
         \quad\Rightarrow\quad

@@ -27,7 +27,7 @@ PRESSURE_SCALE = 1e5
 
 @dataclass(frozen=True)
 class TonduLopezVolume(ClassicalVolume):
-    r"""Volume whose virtual work is the static force of Tondu and Lopez.
+    r"""Volume that follows from the static force of Tondu and Lopez.
 
     .. math:: F = \pi r_0^2\, p \left[a (1 - k\varepsilon)^2 - b\right], \quad a = \frac{3}{\tan^2\theta_0}, \quad
         b = \frac{1}{\sin^2\theta_0}, \quad k = a_k e^{-p/p_0} + b_k

@@ -44,10 +44,11 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
     yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
     yield "docs/diagnosis.md", f"Beyond {WORDS[MOST_DAYS]} days this is tested for named causes only."
-    yield "docs/diagnosis.md", f"if measured over modelled values differ between them by a factor of {FACTOR:g}."
+    ratio = "if the ratio of measured to modelled values differs between them"
+    yield "docs/diagnosis.md", f"{ratio} by a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
-        f"explain the other to {100 * ALIKE:g} %, or to {WORDS[round(SEEN)]} standard deviations of the noise",
+        f"explain the other to within {100 * ALIKE:g} %, or {WORDS[round(SEEN)]} standard deviations of the noise",
     )
     alone = [f"`{name}`" for name, equation in all_equations().items() if not equation.combines]
     joined = [f"`{name}`" for name, equation in all_equations().items() if equation.combines]
@@ -91,7 +92,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield (
         security,
         f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB; "
-        f"the file may unpack to a {PARTS[_model_archive.COPIES]} |",
+        f"the file may unpack to a {PARTS[_model_archive.COPIES]} of that |",
     )
     yield security, f"| schema | {_model_archive.MAX_JSON_BYTES[_model_archive.SCHEMA] / 2**20:g} MiB |"
     yield security, f"| entries | {_model_archive.MAX_ENTRIES:,} |"
@@ -99,7 +100,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield security, f"| features, terms | {_model_fit.MOST_FEATURES:,} |"
     yield security, f"| `n_jobs` in a file | {_model_checks.MOST_JOBS} |"
     limits = f"{mujoco_loading.SECONDS} s, {mujoco_loading.MEMORY / 2**30:g} GiB"
-    yield security, f"loaded in a separate process first ({limits})"
+    yield security, f"is loaded in a separate process first ({limits})"
     yield security, f"own process: {fmu_model.SECONDS:g} s a run, {fmu_model.BYTES / 2**30:g} GiB"
     refused = re.findall(r'"(\.\w+)"', inspect.getsource(fits))
     assert {".pt", ".pkl"} <= set(refused)

@@ -108,11 +108,12 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         "docs/inverse.md",
         f"{share[False, inverse]:.2f} of the error of PID alone, {share[True, inverse]:.2f} with twice",
     )
-    yield "docs/inverse.md", f"with learning on it has {share[False, learning]:.2f} and {share[True, learning]:.2f}"
+    yield "docs/inverse.md", f"learning on, the ratios are {share[False, learning]:.2f} and {share[True, learning]:.2f}"
     yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning on {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",
-        f"leaves {tracked(twice, inverse, 'steps')} %, PID alone {tracked(twice, alone, 'steps')} %",
+        f"the error is {tracked(twice, inverse, 'steps')} % with the inverse model, "
+        f"{tracked(twice, alone, 'steps')} % with PID alone",
     )
 
     told = re.findall(r"told in (\d+) of (\d+), delay median (\d+) s, largest (\d+) s", blocks["changes"])

@@ -38,7 +38,7 @@ _EXAMPLES = """\
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "resid", "is a residual white and uncorrelated with the inputs?", _DESCRIPTION, _EXAMPLES
+        subparsers, "resid", "test if a residual is white and uncorrelated with the inputs", _DESCRIPTION, _EXAMPLES
     )
     add_log_options(parser)
     parser.add_argument("--sim", metavar="SIM.toml", help="simulator file (default: the one beside LOG)")
