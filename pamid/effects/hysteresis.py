@@ -15,7 +15,7 @@ _ELEMENTS = np.arange(-2, 3) / np.sqrt(2.0)
 
 
 class Hysteresis(Effect):
-    r"""Elements with a gradual transition after a reversal, at any speed: Bouc–Wen, Maxwell slip, or both.
+    r"""Resistance that builds up gradually after a reversal, at any speed: Bouc–Wen, Maxwell slip, or both.
 
     .. math:: \Delta F = -\frac{1}{5} \sum_{k=-2}^{2} (A\,z_k + S\,s_k), \qquad
         \delta_k = \delta\,e^{k \sigma / \sqrt{2}}, \qquad

@@ -12,7 +12,7 @@ from .values import Parameter
 
 
 class Tube(Effect):
-    r"""Resistance of a tube behind the sensor, with the capacity of the chamber: its pressure lags the reading.
+    r"""Tube between sensor and chamber: through its resistance, the chamber's pressure lags the reading.
 
     .. math:: P' = P + \tau\,\dot P, \qquad \tau = R\,C
 
