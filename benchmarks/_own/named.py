@@ -172,7 +172,8 @@ def changed(system: System, how: Recording, readings: list[str], log: pd.DataFra
 
 def judged(answer: Record, system: System, cause: Cause, seen: float) -> Record:
     """Return whether the cause is named, alone, missed, or another one is named in its place."""
-    ports = JOINTS[system.name] if cause.port == "joint" else (cause.port,)
+    # MuJoCo reads the position of a joint without a sensor as NAME_q.
+    ports = JOINTS[system.name] if cause.port == "joint" else (cause.port, f"{cause.port}_q")
     true, named = {f"{cause.effect}@{p}" for p in ports}, names_of(answer)
     hit = [bool(names & true) for names in named]
     others = [c for c, h in zip(answer["causes"], hit, strict=True) if not h and c["grade"] == "sure"]

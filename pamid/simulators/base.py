@@ -164,6 +164,11 @@ class Simulator:
         raise ParameterError(f"There is no port {name!r}.", f"one of {', '.join(known)}", "Correct the name.")
 
     @property
+    def at_once(self) -> bool:
+        """Whether a call for many instants takes hardly longer than one for a few."""
+        return not self.one_by_one
+
+    @property
     def numbers(self) -> np.ndarray:
         """Values of the parameters, in order."""
         return np.array([p.value for p in self.parameters.values()], dtype=float)

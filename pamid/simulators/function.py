@@ -157,6 +157,11 @@ class FunctionSimulator(Simulator):
             return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
         return np.stack([at(k).reshape(len(names)) for k in range(n)], axis=1).astype(float)
 
+    @property
+    def at_once(self) -> bool:
+        """Whether a call for many instants takes hardly longer than one for a few."""
+        return self._fast.get("rate", True)
+
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the rates of the states, shape (n_states, n)."""
         given = [(x, self.states), (u, self.inputs), (p, tuple(self.parameters))]

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..effects import Effect
 from .base import Simulator
+from .chains import Chains
 from .placement import Placement
 from .structure import JointPort
 
@@ -17,6 +18,16 @@ STEPS = 8
 """Steps of the Runge-Kutta method over a sample, from which no exact answer can be told."""
 MOST = 1e9
 """Size, in spans of a state, at which a run has diverged: it is held there."""
+_ROUNDS = 12
+"""Most rounds of Newton's method."""
+_EXACT = 1e-11
+"""Share of a state's size that Newton's last round may move it."""
+_FRESH = 0.1
+"""Factor by which a round must come nearer for its Jacobian to serve the next one."""
+_ASTRAY = 3
+"""Rounds in turn that may come no nearer."""
+_MANY = 8_000_000
+"""Most numbers of a Jacobian along all runs."""
 
 
 def side_by_side(spans: Sequence[tuple[int, int]], length: int) -> np.ndarray:
@@ -37,17 +48,22 @@ class Runner:
 
     @np.errstate(all="ignore")
     def states(
-        self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST
-    ) -> np.ndarray:
-        """Return the states along runs."""
+        self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST,
+        near: np.ndarray | None = None,
+    ) -> np.ndarray:  # fmt: skip
+        """Return the states along runs; from states near them, where these are known, at all steps at once."""
         wanted = {name for place, _ in acting for name in place.sources()}
         paths = [name for name in self.paths if name in wanted]
         x = np.vstack([x0, np.zeros((len(paths), x0.shape[1]))])
-        out = np.empty((len(t), *x.shape))
         memory: list[Any] = []
         for place, made in acting:
             s = place.signals(self._table(x, u[0], paths), t[0])
             memory.append(made.start(s, place.plant, self.dt * place.scales.time))
+        if near is not None and self.simulator.at_once:
+            found = self._from_near(near, t, x, u, p, acting, memory, most, paths)
+            if found is not None:
+                return found
+        out = np.empty((len(t), *x.shape))
         h = self.dt / self.substeps
         for k in range(len(t)):
             out[k] = x
@@ -64,6 +80,75 @@ class Runner:
                         self.failed = k, [self.simulator.states[j] for j in np.flatnonzero(bad[:, run])], run
                     x = np.clip(np.nan_to_num(x, nan=most), -most, most)
         return out
+
+    def _from_near(
+        self, near: np.ndarray, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
+        memory: list[Any], most: float, paths: Sequence[str],
+    ) -> np.ndarray | None:  # fmt: skip
+        r"""Return the same by Newton's method over all steps at once; None where it does not converge.
+
+        All steps :math:`z_{k+1} = \Phi_k(z_k)` of states and memory are equations for a whole run. To first order
+        their errors follow each other from step to step, so that each round calls the simulator a few times for all
+        rows, not once for each.
+        """
+        (n, many), m = x0.shape, self.substeps
+        kept = [np.asarray(own).reshape(-1, many) for own in memory]
+        begun = np.concatenate([x0, *kept])
+        steps = (len(t) - 1) * m
+        if steps < 2 or len(begun) ** 2 * steps * many > _MANY:
+            return None
+        at, share = np.repeat(np.arange(len(t) - 1), m), np.tile(np.arange(m) / m, len(t) - 1)[:, None, None]
+        held = u[at] + (share + 0.5 / m) * (u[at + 1] - u[at]) if self.lines else u[at]
+        now, times = p[at] if p.ndim == 3 else np.broadcast_to(p, (steps, *p.shape)), t[at] + share[:, 0] * self.dt
+        flat = [_flat(held), _flat(now)]
+        ends = np.cumsum([len(own) for own in kept])
+
+        def after(z: np.ndarray) -> np.ndarray:
+            """Return states and memory after each step, from those before it, shape (n_states, n_steps * n_runs)."""
+            own = [part.reshape(-1, z.shape[1]) for part in np.split(z[n:], ends[:-1])] if kept else []
+            x, later = self._step(times.ravel(), self.dt / m, z[:n], *flat, acting, own, paths)
+            return np.concatenate([x, *later])
+
+        z = np.empty((steps + 1, len(begun), many))
+        z[0] = begun
+        guess = np.concatenate([near, np.zeros((len(t), n - near.shape[1], many))], axis=1)
+        z[1:, :n] = guess[at] + (share + 1.0 / m) * (guess[at + 1] - guess[at])
+        if len(begun) > n:
+            for k in range(steps):
+                memory = self._remembered(acting, memory, z[k : k + 2, :n], held[k], times[k], paths)
+                z[k + 1, n:] = np.concatenate([np.asarray(own).reshape(-1, many) for own in memory])
+        size = np.max(np.abs(z), axis=(0, 2))[:, None]
+        size = np.where(size > 0.0, size, 1.0)
+        chains, last, best, astray = None, np.inf, np.inf, 0
+        for _ in range(_ROUNDS):
+            here = _flat(z[:-1])
+            if not np.abs(here).max() < most:
+                return None
+            there = after(here)
+            if chains is None:
+                steep = [(after(here + h) - there) / np.sum(h) for h in 1e-7 * size * np.eye(len(size))[:, :, None]]
+                A = np.stack(steep, axis=1).reshape(len(size), len(size), steps, many).transpose(3, 2, 0, 1)
+                if not np.isfinite(A).all():
+                    return None
+                chains = Chains(A.reshape(-1, *A.shape[2:]), (steps + 1) * np.arange(many), (steps + 1) * many)
+            missed = (there - _flat(z[1:])).reshape(len(size), steps, many).transpose(2, 1, 0)
+            moved = chains.followed(missed.reshape(-1, len(size))).reshape(many, steps + 1, len(size))
+            z += moved.transpose(1, 2, 0)
+            far = float(np.max(np.abs(moved[..., :n]) / size[:n, 0]))  # memory has kinks of its own
+            if far <= _EXACT:
+                return z[::m, :n]
+            astray, best = (0, far) if far < best else (astray + 1, best)
+            if astray == _ASTRAY:
+                return None
+            chains, last = chains if far < _FRESH * last else None, far
+        return None
+
+    def _remembered(
+        self, acting: Acting, memory: list[Any], x: np.ndarray, u: np.ndarray, t: np.ndarray, paths: Sequence[str]
+    ) -> list[Any]:
+        """Return the memory after a step between two states."""
+        before = [place.signals(self._table(x[0], u, paths), t) for place, _ in acting]
+        return self._moved(acting, memory, before, x[1], u, self.dt / self.substeps, t, paths)
 
     def _table(self, x: np.ndarray, u: np.ndarray, paths: Sequence[str]) -> dict[str, np.ndarray]:
         return dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), (*x, *u), strict=True))
@@ -120,6 +205,11 @@ class Runner:
         return added
 
 
+def _flat(rows: np.ndarray) -> np.ndarray:
+    """Return signals of all rows and runs side by side, shape (n_signals, n_rows * n_runs)."""
+    return np.moveaxis(rows, 1, 0).reshape(rows.shape[1], len(rows) * rows.shape[2])
+
+
 def substeps_for(
     simulator: Simulator, dt: float, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray,
     needed: Mapping[str, float], share: float, most: int = 32,
@@ -129,9 +219,11 @@ def substeps_for(
     Readings need an accuracy of their own, which is no finer than a millionth of their range.
     """
     least = np.array([needed.get(name, np.inf) for name in (*simulator.states, *simulator.outputs)])
-    steps, coarse = 1, _signals(simulator, Runner(simulator, dt, (), 1).states(t, x0, u, p), t, u, p)
+    steps, near = 1, Runner(simulator, dt, (), 1).states(t, x0, u, p)
+    coarse = _signals(simulator, near, t, u, p)
     while steps < most:
-        fine = _signals(simulator, Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p), t, u, p)
+        near = Runner(simulator, dt, (), 2 * steps).states(t, x0, u, p, near=near)
+        fine = _signals(simulator, near, t, u, p)
         size = np.ptp(fine, axis=(0, 2)) + 1e-300
         away = np.max(np.abs(fine - coarse), axis=(0, 2))
         if np.all(np.abs(fine) < MOST) and np.all(away < np.clip(least, 1e-6 * size, share * size)):

@@ -48,6 +48,8 @@ class PredictedEvidence(StretchEvidence):
         self._kept_runs: dict[int, list[np.ndarray]] = {}
         self._kept_states: Remembered[tuple[list[np.ndarray], list[np.ndarray]]] = Remembered(MOST_STATES)
         self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
+        self._along: dict[tuple[str, ...], np.ndarray] = {}
+        """The latest states along the log, by the kind of change."""
         self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
@@ -219,11 +221,18 @@ class PredictedEvidence(StretchEvidence):
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
         runner = Runner(simulator, log.dt, self.joints, self.substeps, self.lines)
-        x = runner.states(t, x0, drive, numbers, acting)[:, : len(simulator.states)]
+        kind = tuple(place.key for place, _ in acting)
+        known = self._along.get(kind, self._along.get(()))
+        near = None if known is None else np.tile(np.moveaxis(known[:, rows], 0, 1), many)
+        x = runner.states(t, x0, drive, numbers, acting, near=near)[:, : len(simulator.states)]
         self._failed = runner.failed
         self.simulated += many
         stretches = self.stretches * many
         states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
+        if many == 1 and np.abs(x).max(initial=0.0) < MOST:
+            along = self._along[kind] = np.zeros((len(simulator.states), log.n))
+            for stretch, own in zip(stretches, states, strict=True):
+                along[:, stretch.first : stretch.stop] = own
         return states, self._outputs_along(states, given, copies)
 
     def _outputs_along(self, states: list[np.ndarray], u: np.ndarray, copies: Sequence[np.ndarray]) -> list[np.ndarray]:

@@ -19,6 +19,7 @@ from functools import cached_property
 import numpy as np
 
 from ...simulators.base import Simulator
+from ...simulators.chains import Chains
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
@@ -172,26 +173,11 @@ class Response:
         return self._followed(np.zeros((len(self.x), len(self.before))), start)
 
     @cached_property
-    def _band(self) -> np.ndarray:
-        """The equations of all states, each but the first of a stretch less its step from the one before, as a band."""
-        steps, n = self._steps[0], len(self.x)
-        band = np.zeros((2 * n, self.log.n, n))
-        band[0] = 1.0
-        for i in range(n):
-            for j in range(n):
-                band[n + i - j, self.before, j] = -steps[:, i, j]
-        return np.asfortranarray(band.reshape(2 * n, -1))
+    def _chains(self) -> Chains:
+        """All stretches, from step to step."""
+        return Chains(self._steps[0], self.firsts, self.log.n)
 
     def _followed(self, change: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Return the changes of the states along all stretches, from step to step: a triangular band of equations."""
-        from scipy.linalg.lapack import dtbtrs
-
-        n, right = len(self.x), np.zeros((self.log.n, len(self.x)))
-        right[self.before + 1] = np.einsum("kij,jk->ki", self._steps[1], change)
-        right[self.firsts] = start.T
-        out = dtbtrs(self._band, right.reshape(-1, 1), uplo="L")[0].reshape(-1, n)
-        if not np.isfinite(out).all():  # zero times infinity would reach the next stretch
-            for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
-                own = dtbtrs(self._band[:, a * n : b * n], right[a:b].reshape(-1, 1), uplo="L")[0]
-                out[a:b] = own.reshape(-1, n)
+        """Return the changes of the states along all stretches."""
+        out = self._chains.followed(np.einsum("kij,jk->ki", self._steps[1], change), start.T)
         return np.clip(np.nan_to_num(out.T), -_MOST, _MOST)

@@ -1,0 +1,90 @@
+"""Runs that start from states near theirs are those that go from step to step."""
+
+import numpy as np
+import pytest
+
+from pamid.effects.registry import all_effects
+from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.integrate import Runner
+from pamid.simulators.placement import Placement, Scales
+
+T, DT, RUNS = 500, 0.02, 3
+
+
+def pendulum(gravity=9.81):
+    ports = [Port("torque", "input", "N m"), Port("q", "state", "rad"), Port("dq", "state", "rad/s")]
+
+    def rates(t, x, u, p):
+        return [x.dq, u.torque - p.g * np.sin(x.q) - 1.5 * x.dq]
+
+    return FunctionSimulator(rates, ports, {"g": gravity})
+
+
+def given(seed=0):
+    rng = np.random.default_rng(seed)
+    t = np.repeat(DT * np.arange(T)[:, None], RUNS, axis=1)
+    u = 4.0 * np.sin(2.0 * t + rng.uniform(0.0, 6.0, RUNS))[:, None, :]
+    return t, rng.normal(0.0, 0.5, (2, RUNS)), u
+
+
+def calls_of(simulator, run):
+    """Return what a function returns, and how often it called the simulator."""
+    rate, calls = simulator.rate, []
+    simulator.rate = lambda *a: calls.append(1) or rate(*a)
+    found = run()
+    simulator.rate = rate
+    return found, len(calls)
+
+
+@pytest.mark.parametrize("lines", [False, True])
+@pytest.mark.parametrize("substeps", [1, 3])
+def test_states_near_a_run_lead_to_it_in_few_calls(lines, substeps):
+    simulator, (t, x0, u) = pendulum(), given()
+    p = np.full((1, RUNS), 9.81)
+    runner = Runner(simulator, DT, (), substeps, lines)
+    near = runner.states(t, x0 + 0.1, 0.9 * u, 1.2 * p)
+    exact, often = calls_of(simulator, lambda: runner.states(t, x0, u, p))
+    found, few = calls_of(simulator, lambda: runner.states(t, x0, u, p, near=near))
+    assert np.max(np.abs(near - exact)) > 0.1
+    np.testing.assert_allclose(found, exact, atol=1e-10)
+    assert few < 0.3 * often
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "hysteresis"])
+def test_effects_that_remember_are_part_of_it(name):
+    simulator, (t, x0, u) = pendulum(), given()
+    follows = {"position": "q", "velocity": "dq"}
+    place = Placement(f"{name}@q", name, "q", all_effects()[name], "input", "torque", follows, Scales())
+    made = place.made({"amplitude": 0.4})
+    p = np.full((1, RUNS), 9.81)
+    runner = Runner(simulator, DT)
+    near = runner.states(t, x0, u, p)
+    exact, often = calls_of(simulator, lambda: runner.states(t, x0, u, p, [(place, made)]))
+    found, few = calls_of(simulator, lambda: runner.states(t, x0, u, p, [(place, made)], near=near))
+    assert made.n_states
+    assert np.max(np.abs(near - exact)) > 0.05
+    np.testing.assert_allclose(found, exact, atol=1e-9)
+    assert few < 0.3 * often
+
+
+def test_what_no_such_round_reaches_is_run_step_by_step():
+    ports = [Port("force", "input", "N"), Port("v", "state", "m/s")]
+    stuck = FunctionSimulator(lambda t, x, u, p: [u.force - 40.0 * np.sign(x.v - 0.1)], ports, {})
+    t, _, u = given()
+    p, x0 = np.zeros((0, RUNS)), np.zeros((1, RUNS))
+    runner = Runner(stuck, DT)
+    exact = runner.states(t, x0, u, p)
+    np.testing.assert_array_equal(runner.states(t, x0, u, p, near=np.zeros_like(exact)), exact)
+
+
+def test_a_function_that_takes_one_instant_at_a_time_is_run_step_by_step():
+    ports = [Port("force", "input", "N"), Port("v", "state", "m/s")]
+    single = FunctionSimulator(lambda t, x, u, p: [float(u.force) - x.v], ports, {})
+    t, _, u = given()
+    p, x0 = np.zeros((0, RUNS)), np.zeros((1, RUNS))
+    runner = Runner(single, DT)
+    exact, often = calls_of(single, lambda: runner.states(t, x0, u, p))
+    assert not single.at_once
+    found, again = calls_of(single, lambda: runner.states(t, x0, u, p, near=exact))
+    np.testing.assert_array_equal(found, exact)
+    assert again == often
