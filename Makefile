@@ -89,7 +89,7 @@ dist: install
 
 # The wheel is installed into a new environment and used there, away from the checkout: commands, and tests of the rooms
 # that read templates of the package. WHEEL_TESTS= runs all tests of less than a second.
-WHEEL_TESTS ?= tests/export tests/report tests/survey
+WHEEL_TESTS ?= tests/report/test_report.py tests/survey tests/export/test_export_formulas.py
 wheel: dist
 	$(THREADS) $(BIN)/python .ci/wheel.py --tests -q -n $(WORKERS) $(WHEEL_TESTS)
 

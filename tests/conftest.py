@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import os
 import resource
 from collections.abc import Iterator
@@ -76,6 +77,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if _short(item) in known:
             item.add_marker(pytest.mark.slow)
+
+
+def pytest_collection_finish() -> None:
+    """Spare each full collection of garbage the modules and thousands of tests, which stay to the end."""
+    gc.collect()
+    gc.freeze()
 
 
 def _cpu_seconds() -> float:

@@ -45,6 +45,12 @@ HEAVY = {
 }  # fmt: skip
 
 
+@cache
+def tree_of(path: Path) -> ast.Module:
+    """What a file says, read once for all that is asked of it."""
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def name(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
@@ -84,7 +90,7 @@ def imports(path: Path) -> list[tuple[str, bool]]:
             else:
                 yield from visit(child, loaded)
 
-    return list(visit(ast.parse(path.read_text(encoding="utf-8")), True))
+    return list(visit(tree_of(path), True))
 
 
 def _targets(path: Path, node: ast.ImportFrom) -> list[str]:
@@ -114,7 +120,7 @@ def test_the_reader_of_imports_tells_lazy_ones(tmp_path: Path, monkeypatch: pyte
 
 def _imported(path: Path, modules: dict[str, Path]) -> Iterator[str]:
     """Modules of the package that a file imports, be it within a function or for types alone."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.ImportFrom):
             inside = path if path.name != "__init__.py" else path / "_"
             for target in _targets(inside, node):
@@ -221,7 +227,7 @@ PROBED = {
 
 def _private_from_outside(path: Path) -> Iterator[str]:
     """Private names that a file reads of others: not of self, and neither defined nor set in it."""
-    tree = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    tree = list(ast.walk(tree_of(path)))
     own = {n.name for n in tree if isinstance(n, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)}
     own |= {n.attr for n in tree if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
     own |= {n.id for n in tree if isinstance(n, ast.Name) and isinstance(n.ctx, ast.Store)}
@@ -240,7 +246,7 @@ def test_private_names_stay_in_their_file() -> None:
 
 def test_abilities_are_declared_and_not_tried() -> None:
     for path in LIBRARY:
-        for call in (n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)):
+        for call in (n for n in ast.walk(tree_of(path)) if isinstance(n, ast.Call)):
             where = f"{name(path)}:{call.lineno}"
             if isinstance(call.func, ast.Name) and call.func.id == "hasattr" and ast.unparse(call.args[0]) != "self":
                 assert ast.literal_eval(call.args[1]) in PROBED, where
@@ -349,7 +355,7 @@ def test_papers_agree_on_name_and_version() -> None:
 def test_a_name_means_one_class() -> None:
     found: dict[str, list[str]] = {}
     for path in LIBRARY:
-        for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        for node in tree_of(path).body:
             if isinstance(node, ast.ClassDef):
                 found.setdefault(node.name, []).append(str(path.relative_to(ROOT)))
     assert {name: files for name, files in found.items() if len(files) > 1} == {}

@@ -290,9 +290,10 @@ def test_simulated_effect_is_the_one_predicted_from_the_log(name, quiet):
 @pytest.mark.parametrize("names", [("hysteresis", "creep", "valve_lag"), ("coulomb_friction", "heat_transfer")])
 def test_effects_with_memory_converge_with_the_step(names):
     effects = [make_effect(name) for name in names]
-    reference = run_batch(B, MIXED, effects, substeps=8, truth=True).y
+    runs = MIXED[:2]
+    reference = run_batch(B, runs, effects, substeps=8, truth=True).y
     errors = [
-        np.sqrt(np.mean((run_batch(B, MIXED, effects, substeps=s, truth=True).y - reference) ** 2, axis=(0, 2)))
+        np.sqrt(np.mean((run_batch(B, runs, effects, substeps=s, truth=True).y - reference) ** 2, axis=(0, 2)))
         for s in (1, 2)
     ]
     assert np.all(errors[1] < 0.75 * errors[0])  # a reversal inside a step costs friction an order

@@ -67,10 +67,10 @@ def truth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> mujoco.MjModel:
     spec.joint("elbow").frictionloss = 0.05
     spec.option.timestep = 0.001
     model, rng, runs = spec.compile(), np.random.default_rng(3), []
-    time = 0.01 * np.arange(300)
-    for run in range(4):
+    time = 0.01 * np.arange(250)
+    for run in range(3):
         commands = torques(rng, time)
-        moved = swung(model, commands) + rng.standard_normal((300, 4)) * [2e-4, 2e-4, 5e-3, 5e-3]
+        moved = swung(model, commands) + rng.standard_normal((250, 4)) * [2e-4, 2e-4, 5e-3, 5e-3]
         table = np.column_stack([time, commands.T, moved])
         runs.append(pd.DataFrame(table, columns=COLUMNS).assign(trajectory=f"run {run}"))
     pd.concat(runs).to_csv("arm.csv", index=False)

@@ -55,7 +55,7 @@ HARMLESS = {
     "blank lines",
     "comments above",
 }
-QUICK = 10  # one in so many goes through the command line
+QUICK = 25  # one in so many goes through the command line
 slow = pytest.mark.slow
 
 
@@ -76,7 +76,7 @@ def fingerprints(folder: Path) -> dict[str, str]:
 def test_the_corpus_is_large_enough(logs, tmp_path):
     assert len(logs) >= 250
     assert len(list(damaged_simulators(tmp_path))) >= 60
-    assert sum(MANY.values()) >= 5_000
+    assert sum(MANY.values()) >= 2_000
 
 
 @slow
@@ -125,7 +125,7 @@ def taken(kind: str, number: int, seed: int, folder: Path) -> set[str]:
     return set(found.values())
 
 
-@pytest.mark.parametrize(("kind", "number"), [("mujoco", 20), ("fmu", 20)])
+@pytest.mark.parametrize(("kind", "number"), [("mujoco", 8), ("fmu", 8)])
 def test_a_damaged_foreign_simulator_answers_or_is_refused(kind: str, number: int, tmp_path: Path) -> None:
     assert taken(kind, number, 0, tmp_path) == {"answered", "refused"}
 
@@ -197,7 +197,7 @@ EDIT = st.one_of(
     st.tuples(st.sampled_from(["all"]), st.sampled_from(list(TEXTS))),
 )
 """What happens to a whole log: to one of its lines, to a cell of it, to a name in the header, or to every line."""
-MANY = {"edits": 400, "bytes": 2_500, "tables": 2_000, "pages": 1_000}
+MANY = {"edits": 200, "bytes": 1_000, "tables": 500, "pages": 400}
 """Examples of the slow part."""
 FUZZ = {
     "deadline": None,

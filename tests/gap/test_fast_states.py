@@ -23,9 +23,9 @@ MOTOR = FunctionSimulator(
 def speed_log() -> pd.DataFrame:
     """Return the speed of the motor with dry friction: its current settles in a sixth of a sample."""
     rng, frames, fine = np.random.default_rng(1), [], 40
-    for k in range(2):
-        t = np.arange(400) * DT
-        volt = 6.0 * np.sin(2 * np.pi * (1.5 + k) * t) + 3.0 * np.sin(2 * np.pi * 7.0 * t)
+    for k in range(5):  # short runs, which are simulated side by side
+        t = np.arange(80) * DT
+        volt = 6.0 * np.sin(2 * np.pi * (4.0 + k) * t) + 3.0 * np.sin(2 * np.pi * 11.0 * t)
         i, w, rows = 0.0, 0.0, []
         for now in volt:
             rows.append(w)

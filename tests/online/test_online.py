@@ -425,10 +425,13 @@ def test_watch_names_the_leak(recorded, capsys):
     found = [e for e in events if e["event"] == "finding"]
     assert found[0]["effect"] == "leakage"
     assert 12.0 < found[0]["time"] < 14.0
+    assert found[0]["confirm"]
+    assert found[0]["run"]["seconds"] > 0.0
     assert events[-1]["problems"] == {"malformed": 1, "lost": 1}
 
 
-def test_watch_says_once_what_goes_on_in_two_equations(recorded, tmp_path, capsys):
+def test_watch_says_once_what_goes_on_in_two_equations(recorded, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("pamid.gap.design.confirm.confirming", lambda *args, **options: None)  # takes most of the time
     table = broken(stream(16.0), "leakage", 12.0, conductance=1e-10)
     table.loc[table["time"] > 12.0, "F"] *= 1.2
     (tmp_path / "samples.jsonl").write_bytes(b"\n".join(as_lines(table)) + b"\n")

@@ -27,7 +27,7 @@ def logged(
     noise: dict[str, float], dt: float, seconds: float, seed: int,
 ) -> pd.DataFrame:  # fmt: skip
     """Return runs of what a simulator is of, each under a drive that is held over its step."""
-    rng, runs, fine = np.random.default_rng(seed), [], 20
+    rng, runs, fine = np.random.default_rng(seed), [], 10
     p = {name: number.value for name, number in simulator.parameters.items()}
     for k, drive in enumerate(drives):
         t = np.arange(0.0, seconds, dt)
@@ -90,7 +90,7 @@ DRIVE = FunctionSimulator(
 def drive_log(truth: Rates, seed: int = 3) -> pd.DataFrame:
     drives = [two_sines(0.5, 0.6 + 0.25 * k, 0.3, 2.3 - 0.3 * k, k) for k in range(2)]
     noise = {"qm": 2e-4, "ql": 5e-5, "wm": 2e-2, "wl": 5e-3}
-    return logged(DRIVE, truth, [0.0] * 4, drives, noise, 2e-3, 3.0, seed)
+    return logged(DRIVE, truth, [0.0] * 4, drives, noise, 2e-3, 2.0, seed)
 
 
 # --- a cylinder ---------------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def leaking(leak: float) -> Rates:
 
 
 def cylinder_log(leak: float, seed: int = 5) -> pd.DataFrame:
-    drives = [two_sines(0.6, 0.8 + 0.3 * k, 0.3, 2.1, k) for k in range(3)]
+    drives = [two_sines(0.6, 0.8 + 0.3 * k, 0.3, 2.1, k) for k in range(2)]
     noise = {"s": 1e-5, "v": 1e-3, "pa": 1e4, "pb": 1e4}
     return logged(CYLINDER, leaking(leak), [0.2, 0.0, 4e6, 6e6], drives, noise, 2e-3, 4.0, seed)
 
@@ -180,9 +180,9 @@ def rubbing(strut: float = 0.0, wheel: float = 0.0) -> Rates:
 
 
 def strut_log(truth: Rates, seed: int = 7) -> pd.DataFrame:
-    drives = [two_sines(0.02, 0.9 + 0.3 * k, 6e-3, 3.1 + 0.4 * k, k) for k in range(3)]
+    drives = [two_sines(0.02, 0.9 + 0.3 * k, 6e-3, 3.1 + 0.4 * k, k) for k in range(2)]
     noise = {"zb": 1e-5, "zw": 1e-5, "vb": 1e-3, "vw": 1e-3}
-    return logged(STRUT, truth, [0.0] * 4, drives, noise, 2e-3, 5.0, seed)
+    return logged(STRUT, truth, [0.0] * 4, drives, noise, 2e-3, 3.0, seed)
 
 
 CASES = {

@@ -84,7 +84,7 @@ def described(
 ) -> Callable[[str], tuple[str, list[str]]]:
     """A folder with a simulator and its mapping; returns what runs a command and gives what it prints."""
     monkeypatch.chdir(tmp_path)
-    sim, t = request.param(tmp_path), np.arange(0.0, 6.0, 0.01)
+    sim, t = request.param(tmp_path), np.arange(0.0, 3.0, 0.01)
     days = [recorded(t, pushed(t, k), 3.0, k).assign(Lauf=k) for k in range(2)]
     pd.concat(days).to_csv("monday.csv", index=False)
 

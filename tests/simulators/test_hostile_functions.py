@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from pathlib import Path
 
@@ -119,6 +121,17 @@ def test_what_a_function_prints_stays_out_of_the_answer(folder, capsys):
 HEALTHY = "return [x.v, u.F / p.m]"
 
 
+@pytest.fixture(scope="module")
+def expected(folder) -> dict:
+    """What is said of the function that does nothing else."""
+    (folder / "healthy.py").write_text(f"def rates(t, x, u, p):\n    {HEALTHY}\n")
+    (folder / "healthy.toml").write_text(PAGE.format(source="healthy.py:rates"))
+    argv = ["evaluate", str(folder / "log.csv"), "--sim", str(folder / "healthy.toml"), "--trust", "--quiet", "--json"]
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert main(argv) == 0
+    return json.loads(out.getvalue())["equations"]
+
+
 @pytest.mark.parametrize(
     "body",
     [
@@ -130,9 +143,7 @@ HEALTHY = "return [x.v, u.F / p.m]"
     ],
     ids=["warnings", "seterr", "keeps", "overwrites inputs", "overwrites states"],
 )
-def test_what_a_function_does_to_its_arguments_and_to_warnings_stays_with_it(body, folder, capsys):
-    (folder / "cart.py").write_text(f"KEPT = []\ndef rates(t, x, u, p):\n    {HEALTHY}\n")
-    expected = json.loads(asked(folder, "cart.py:rates", "evaluate", capsys)[1])["equations"]
+def test_what_a_function_does_to_its_arguments_and_to_warnings_stays_with_it(body, folder, expected, capsys):
     (folder / "cart.py").write_text(f"KEPT = []\ndef rates(t, x, u, p):\n    {body}\n    {HEALTHY}\n")
     code, out, _ = asked(folder, "cart.py:rates", "evaluate", capsys)
     assert code == 0

