@@ -79,7 +79,7 @@ def test_damage_is_refused_or_told(name: str, logs: dict[str, Path], capsys) -> 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_much_damage_is_refused_or_told(name: str, logs: dict[str, Path], capsys) -> None:
-    assert unsaid(name, logs[name], 80, 1, capsys) == []
+    assert unsaid(name, logs[name], 240, 1, capsys) == []
 
 
 def test_what_a_cut_has_taken_is_told(logs: dict[str, Path], tmp_path: Path, capsys) -> None:
