@@ -82,10 +82,7 @@ class SignalEstimator(TakesFrames, BaseEstimator):
             check_is_fitted(self, attribute)
 
     def _read(self, X: Any, y: Any = None, *, reset: bool, **checks: Any) -> tuple[np.ndarray, Any]:
-        """Validate X (and y) as scikit-learn does and note, on `reset`, which column is which signal.
-
-        Returns the table as a float array, and y (None if none was given).
-        """
+        """Validate X and y as scikit-learn does and return them; on `reset`, note which column is which signal."""
         if y is None and not reset and not checks and (plain := plain_table(self, X)) is not None:
             return plain, None
         X = encode_text_columns(X, self._read_columns())
@@ -208,10 +205,7 @@ _MATCHED: WeakKeyDictionary[Any, Any] = WeakKeyDictionary()
 
 
 def plain_table(estimator: Any, X: Any) -> np.ndarray | None:
-    """Return X if it is already what validation would return, None if that is not plain to see.
-
-    In a control loop, on one row, the validation would take longer than the model.
-    """
+    """Return X if it is already what validation would return, else None: on one row, validation outweighs the model."""
     names = getattr(estimator, "feature_names_in_", None)
     if type(X) is np.ndarray:
         table = X if names is None else None

@@ -70,10 +70,7 @@ class Blending:
         codes: np.ndarray | None,
         linear: tuple[Any, Any, Any],
     ) -> None:
-        """Measure, for each target, what is left on held-out samples by the adapted model, by a fresh fit, by both.
-
-        `linear` is what the network's part is linearised from: the problem, the adapter, and where it starts.
-        """
+        """Measure for each target the held-out error of the adapted model, of a fresh fit and of both."""
         laws = model.laws()
         self.blend_, self.source_kept_ = np.zeros(len(laws)), np.ones(len(laws))
         self.processes_, self.held_out_errors_ = [None] * len(laws), [{} for _ in laws]
@@ -183,11 +180,7 @@ def _outcome(rows: SourceRows, y: np.ndarray, weight: np.ndarray, blocks: np.nda
 
 
 def share_of_fresh(change: np.ndarray, left: np.ndarray, weight: np.ndarray, blocks: np.ndarray) -> float:
-    """Return the weight of the fresh fit that least squares ask for, drawn to 0 as far as it is uncertain.
-
-    Its variance is that of a sum over blocks: samples of one block err together. Where both predict nearly the same,
-    the weight is known badly, and the adapted model, which holds further beyond the samples, stays alone.
-    """
+    """Return the least-squares weight of the fresh fit, shrunk to 0 by its variance over blocks of samples."""
     size = float(weight @ change**2)
     if size <= 0.0:
         return 0.0

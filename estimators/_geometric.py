@@ -230,11 +230,9 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         upper: np.ndarray,
         clusters: np.ndarray | None,
     ) -> Solution:
-        """Fit from the user's start and from the best bare geometry, and keep the better fit.
+        """Fit from the user's start and from the best bare geometry; keep the better fit.
 
-        Diameter and angle share a long flat valley in which a fit of all parameters at once gets lost. The bare
-        geometry, fitted first with the corrections held, stays out of it; and a model can then never end worse than
-        the simpler one it contains.
+        The bare geometry stays out of the long flat valley that diameter and angle share.
         """
         shared: dict[str, Any] = {"clusters": clusters, "max_iter": self.max_iter}
         found = [fit_nonlinear(predict, y, weight, begin, lower, upper, **shared)]

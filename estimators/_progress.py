@@ -51,19 +51,7 @@ else:
 
 
 class FitProgress:
-    """The epochs of one fit, as its callbacks see them. Made by `fit_progress`.
-
-    Attributes
-    ----------
-    n_epochs : int
-        Epochs completed.
-    losses : list of float
-        Loss of each of them.
-    stopped : bool
-        Whether a callback asked to stop.
-    interrupted : bool
-        Whether the user interrupted the fit.
-    """
+    """The epochs of one fit, as its callbacks see them. Made by `fit_progress`."""
 
     def __init__(self, estimator: Any, X: Any, y: Any, max_epochs: int, context: Any = None) -> None:
         self.n_epochs = 0

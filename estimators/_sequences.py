@@ -79,11 +79,7 @@ class SequenceMixin(SequenceScore):
 
 
 def last_direction(values: np.ndarray, codes: np.ndarray, travel: float) -> np.ndarray:
-    """Return +1 where a signal last rose, −1 where it last fell, and what lies between while it turns.
-
-    A turn is complete once the signal has travelled `travel` the other way, as the play of a mechanism: noise that is
-    small against it turns nothing. Each run starts at 0.
-    """
+    """Return the last direction ±1 of a signal, 0 at each start; a turn is complete after `travel`, as in a play."""
     out = np.zeros(len(values))
     for rows in trajectory_slices(codes):
         way = 0.0

@@ -108,10 +108,7 @@ class PolynomialLibraryMixin:
         self._take_in(signals, targets, weights)
 
     def _take_in(self, signals: np.ndarray, targets: np.ndarray, weights: np.ndarray) -> None:
-        """Add rows to the triangular factor of [terms | targets], and regress on all rows so far.
-
-        A regression reads its rows through their products alone, which the factor has in common with them.
-        """
+        """Add rows to the triangular factor of [terms | targets], and regress on all rows so far."""
         terms = self._terms(signals, self.reference_scales_)
         self.factor_ = compress(self.factor_, terms, targets, weights)
         self.total_weight_ += float(weights.sum())

@@ -43,10 +43,7 @@ def chance_edge(p: int, q: int, count: int) -> float:
 
 
 def projection(u: np.ndarray, z: np.ndarray, slices: list[slice], rows: int) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return directions and canonical correlations of future outputs and past, future inputs taken off, and columns.
-
-    A Hankel matrix never reaches over the border of two runs.
-    """
+    """Return directions and canonical correlations of past and future outputs less future inputs, and the columns."""
     parts = []
     for run in slices:
         n = run.stop - run.start - 2 * rows + 1

@@ -22,10 +22,7 @@ def has_trajectory_column(X: Any) -> bool:
 
 
 def encode_text_columns(X: Any, read: Collection[str] = ()) -> Any:
-    """Replace names in columns that are no signals, such as ``trajectory`` and ``run``, by numbers.
-
-    Rows keep their order; numbers written as text, and inputs other than tables, come back untouched.
-    """
+    """Encode text in columns that are not signals, such as ``trajectory``, as numbers; other inputs stay untouched."""
     if not isinstance(X, pd.DataFrame):
         return X
     coded = {}

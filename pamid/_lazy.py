@@ -27,10 +27,7 @@ def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any],
 def renamed(
     package: str, names: Mapping[str, str], otherwise: Callable[[str], Any] | None = None
 ) -> Callable[[str], Any]:
-    """Make a ``__getattr__`` that answers to old names of a package for one more version, with a warning.
-
-    A new name with a dot lives in another package.
-    """
+    """Return a ``__getattr__`` that resolves old names with a warning; a new name with a dot is in another package."""
 
     def lookup(name: str) -> Any:
         if name in names:

@@ -20,11 +20,7 @@ def audit_schema(
     trusted: Iterable[str] = (),
     max_bytes: int = MAX_BYTES,
 ) -> set[str]:
-    """Walk the whole schema and refuse whatever is not on the allow-list.
-
-    Every JSON object that names a class, a module or a loader counts as a node, wherever it stands: the walk is
-    stricter than the loader, never the other way round.
-    """
+    """Walk the whole schema and refuse every class, module or loader that is not on the allow-list."""
     audit = _Audit(files, name, frozenset(trusted), max_bytes)
     limit = sys.getrecursionlimit()
     try:

@@ -26,10 +26,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 @dataclass_transform(eq_default=False, field_specifiers=(field,))
 def parameters(cls: type[T]) -> type[T]:
-    """Make the annotated fields of a class and of its bases the parameters of its constructor, and explain them.
-
-    Keyword parameters that the class itself adds come before those of its bases.
-    """
+    """Make the annotated fields of a class and its bases the parameters of its constructor, and explain them."""
     made: type[T] = dataclass(eq=False, repr=False)(cls)
     owner = {name: depth for depth, base in enumerate(made.__mro__) for name in _own_fields(base)}
     start: Any = made.__init__

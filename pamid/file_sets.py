@@ -29,12 +29,10 @@ _MESSAGE = "pamid was stopped while it moved these files here; the next pamid co
 
 @contextlib.contextmanager
 def replacing_together(folder: str | Path, names: Collection[str], *, parents: bool = False) -> Iterator[Path]:
-    """Yield an empty folder to write to; when the body ends, its files take their place in the folder as one set.
+    """Yield an empty folder; when the body ends, its files replace those in the folder as one set.
 
-    A folder that is new comes by a single rename; one that holds plain files alone is exchanged for one with the new
-    files and links to the others, by a single system call where the system has it. Elsewhere, as in the working
-    folder, files move one by one while no other pamid writes there and signals wait; if even then the process is
-    killed, `UNFINISHED` says so in the folder, and the next writer ends the move.
+    A new folder comes by one rename, one of plain files by one exchange where the system has it; else files move one by
+    one, and `UNFINISHED` lets the next writer complete what a kill interrupted.
     """
     folder = Path(folder)
     stage: Path | None = None

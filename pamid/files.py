@@ -19,11 +19,7 @@ PROBE = 1 << 16
 
 @contextlib.contextmanager
 def replacing(path: str | Path) -> Iterator[Path]:
-    """Yield a draft beside a file; when the body ends, flush it to disk and move it into place.
-
-    A crash at any moment leaves either the old file or the new one, and of two processes that write one file the later
-    one wins. If the body raises, the draft is removed and the file stays as it was.
-    """
+    """Yield a draft beside a file; when the body ends, flush it and move it into place in one step."""
     path = Path(path)
     draft: Path | None = None
     try:

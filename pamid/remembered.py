@@ -10,23 +10,7 @@ V = TypeVar("V")
 
 
 class Remembered(Generic[V]):
-    """The values used last.
-
-    Parameters
-    ----------
-    most : int
-        Their number, or their total size.
-    size : callable, optional
-        Size of a value; without it each counts as one.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.remembered import Remembered
-    >>> kept = Remembered(2)
-    >>> kept.get("ones", lambda: np.ones(2)) is kept.get("ones", lambda: np.zeros(2))
-    True
-    """
+    """The values used last, `most` of them, or of that total `size`."""
 
     def __init__(self, most: int, size: Callable[[V], int] | None = None) -> None:
         self.most, self.size, self._whole = most, size, 0

@@ -44,52 +44,9 @@ class StreamChange:
 
 
 class SimulatorWatch:
-    """Follow a rig with its simulator, and name what changes.
+    """Follow a rig with its simulator: diagnose a healthy stretch, then watch what it leaves and diagnose changes.
 
-    A healthy stretch is diagnosed first: what the simulator lacks from the start is no change. What is left of each
-    equation is then watched by a `pamid.online.ChangeMonitor`. After an alarm the rows since the change are diagnosed
-    with the healthy stretch, as a log of another day (`pamid.diagnose` with ``since``); the watch then learns the rig
-    again as it has become.
-
-    Parameters
-    ----------
-    simulator : Simulator
-        The simulator, see `pamid.read_simulator`.
-    effects : "all" or sequence of str, default="all"
-        Effects that may be causes.
-    false_alarms : float, default=0.01
-        Share of streams of length `per` without a change in which an alarm is allowed, dimensionless.
-    per : float, default=600.0
-        s.
-    growth : float, default=1.25
-        What counts as a change: errors at like signals that are this much larger, dimensionless.
-    random_state : int, default=0
-        Seed of the draws.
-
-    Attributes
-    ----------
-    history : pamid.gap.several.History or None
-        What is known of the rig; None before `learn`.
-    piece : float
-        Seconds of the stream that are looked at together.
-    known : list of str
-        Effects that the rig has beyond the simulator, as far as they are known.
-
-    Examples
-    --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.simulators import FunctionSimulator, Port
-    >>> from pamid.watching import SimulatorWatch
-    >>> t, rng = np.arange(0, 200, 0.02), np.random.default_rng(0)
-    >>> P = 3e5 + 1e5 * np.sin(2.0 * t) + 5e4 * np.sin(5.3 * t)
-    >>> F = np.where(t < 140, 5e-4, 6e-4) * P + rng.normal(0, 1, len(t))  # the piston is exchanged for a larger one
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P": P, "F": F})
-    >>> ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
-    >>> piston = FunctionSimulator(lambda u, p: u.P * p.area, ports, {"area": (5e-4, 0.0, "m^2")})
-    >>> watch = SimulatorWatch(piston, ["parameter_deviation", "sensor_bias"]).learn(log[:6000])
-    >>> [found] = watch.update(log[6000:])
-    >>> round(found.time), found.changes[0].effect, found.changes[0].where
-    (140, 'parameter_deviation', 'area')
+    `false_alarms` is the share of streams of `per` seconds with a false alarm, `growth` the error ratio of a change.
     """
 
     def __init__(

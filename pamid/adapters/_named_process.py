@@ -190,24 +190,7 @@ class NamedProcess:
 def fit_process(
     law: BraidLaw | CarriedLaw, rows: NamedRows, start: Amplitudes, memory: np.ndarray
 ) -> tuple[NamedProcess, HeldOut]:
-    """Fit named parameters and remainder; return the process and what each run leaves when it is held out.
-
-    Parameters
-    ----------
-    law : BraidLaw or CarriedLaw
-        The named part.
-    rows : NamedRows
-        Samples.
-    start : Amplitudes
-        Where the search for the amplitudes starts, and the centre of their priors.
-    memory : ndarray, shape (n_memories,)
-        Centre of the prior of the memories' weights.
-
-    Raises
-    ------
-    FitError
-        If no amplitudes give a finite evidence.
-    """
+    """Fit named parameters and remainder about `start` and `memory`; return the process and its held-out residuals."""
     few = rows.at(np.unique(np.linspace(0, len(rows.p) - 1, min(HYPER_ROWS, len(rows.p))).round().astype(int)))
     names = [n for n in OCTAVES if n not in ("recall", "named")]
     names += ["recall"] * bool(rows.past.shape[1]) + ["named"] * law.guessed

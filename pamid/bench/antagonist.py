@@ -15,19 +15,9 @@ if TYPE_CHECKING:
 
 
 class Antagonist:
-    r"""Two muscles on one pulley.
-
-    The state of each run is (q, q̇, P₁, P₂), one column per run:
+    r"""Two muscles on one pulley; the state of each run is (q, q̇, P₁, P₂), one column per run.
 
     .. math:: L_{1,2} = L_0 (1 - \varepsilon_0) \mp r q, \qquad J\ddot q = r\,(F_1 - F_2) - b_q\,\dot q
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters
-    >>> from pamid.bench.antagonist import Antagonist
-    >>> bench = Antagonist(BenchParameters.for_muscle("B"), n_runs=3)
-    >>> bench.remembers
-    False
     """
 
     def __init__(self, params: BenchParameters, n_runs: int, effects: Sequence[Effect] = ()) -> None:

@@ -11,21 +11,7 @@ Rates = Callable[[np.ndarray, np.ndarray, float], None]
 
 
 class RungeKutta4:
-    """The classical method of fourth order.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.bench.integrate import RungeKutta4
-    >>> def decay(y, out, ahead):
-    ...     out[:] = -y
-    >>> step, y = RungeKutta4(decay, (1,)), np.ones(1)
-    >>> for _ in range(10):
-    ...     _ = step.first(y)
-    ...     _ = step.advance(y, 0.1)
-    >>> bool(abs(y[0] - np.exp(-1)) < 1e-6)
-    True
-    """
+    """The classical fourth-order Runge–Kutta method."""
 
     def __init__(self, rates: Rates, shape: tuple[int, ...]) -> None:
         self.rates = rates

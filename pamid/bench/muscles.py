@@ -20,13 +20,9 @@ MUSCLE_HOOKS = ("force", "flow", "command", "supply", "valve")
 
 
 class Muscles:
-    r"""Muscles of one kind, each on its own valve.
-
-    Given length, its rate and pressure of each muscle, it gives tension, mass flow and pressure rate:
+    r"""Muscles of one kind, each on its own valve (ISO 6358, its command held).
 
     .. math:: F = p\,\frac{3 L^2 - b^2}{4\pi n^2}, \qquad \dot P = \frac{\gamma\,(R T \dot m - P \dot V)}{V}
-
-    with the flow through an ISO 6358 valve whose command is held.
     """
 
     def __init__(self, params: BenchParameters, shape: tuple[int, ...], effects: Sequence[Effect] = ()) -> None:

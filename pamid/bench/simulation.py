@@ -236,10 +236,7 @@ def simulate(
 
 
 def _batches(lengths: Sequence[int]) -> list[list[int]]:
-    """Return which runs to simulate together: all of them, as far as the memory of their records allows.
-
-    A step costs about the same for one run as for a hundred, so short runs go along with long ones for nothing.
-    """
+    """Return which runs to simulate together: as many as the memory of their records allows."""
     batches: list[list[int]] = []
     longest = 0
     for i in sorted(range(len(lengths)), key=lambda i: (-lengths[i], i)):

@@ -56,10 +56,7 @@ class LiftSettings:
 
 
 def festo_like() -> BenchParameters:
-    """Return a muscle of 20 mm like those on the market: about 1.5 kN at 6 bar, shortening by 25 % at most.
-
-    The conical ends (effect ``end_cap``) limit the contraction, hysteresis of the braid parts up from down.
-    """
+    """Return a 20 mm muscle with conical ends and braid hysteresis: about 1.5 kN at 6 bar, at most 25 % contraction."""
     return BenchParameters(
         MuscleParameters("20mm", 0.2, 0.02, math.radians(25.0), 0.0),
         GasParameters(supply_pressure=901_325.0),
@@ -73,40 +70,7 @@ def festo_like() -> BenchParameters:
 
 
 class LiftBench:
-    r"""Muscles that lift loads side by side, each under PID control of its pressure, one control period at a time.
-
-    .. math:: m\,\ddot L = m g - F - d\,\dot L - N
-
-    with the force N of the stand that carries the load until the muscle does.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        Muscle, gas and valve, with effects. The joint is not looked at.
-    mass : ndarray, shape (n_lifts,)
-        Loads, kg; `step` takes others while it runs.
-    effects : sequence, default=()
-        More effects of the muscle.
-    settings : LiftSettings, optional
-        What is around the muscle.
-    substeps : int, default=1
-        Integration steps per control period of 1 ms.
-
-    Raises
-    ------
-    ParameterError
-        If an effect belongs to a sensor or the joint.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.bench.single import LiftBench, festo_like
-    >>> bench = LiftBench(festo_like(), np.array([30.0, 60.0]))
-    >>> for _ in range(500):
-    ...     P, L, F, u = bench.step(4e5)
-    >>> bool(L[0] < L[1] < 0.2)
-    True
-    """
+    """Muscles that lift loads side by side under PID control of their pressures, one control period at a time."""
 
     def __init__(
         self,

@@ -44,10 +44,7 @@ _ROUNDED = 0.005
 
 
 def write_corrected(d: Diagnosis, stage: Path, folder: Path, log: pd.DataFrame | None = None) -> list[str]:
-    """Write the corrected simulator of a diagnosis into a stage that becomes a folder; return notes for the reader.
-
-    What does not load and run is left out, and what closes less of the gap of `log` than the report says is told.
-    """
+    """Write the corrected simulator of a diagnosis into a stage, as far as it loads and runs; return notes."""
     from ..simulators import FmuSimulator, MujocoSimulator, Simulator
 
     simulator = d.corrected
@@ -124,10 +121,7 @@ def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], Non
 
 
 def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path, but: tuple[str, ...] = ()) -> None:
-    """Write a corrected MuJoCo model, its simulator file and callbacks, and let it make some steps.
-
-    Effects that are named in `but` are elements of the model, but in the simulator file as they were identified.
-    """
+    """Write a corrected MuJoCo model with its simulator file and callbacks, and run a few steps of it."""
     import mujoco
     import numpy as np
 

@@ -182,10 +182,7 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
 
 
 def _begun(simulator: Simulator, columns: Mapping[str, str]) -> list[Port]:
-    """Return the states of an FMU at which each run begins anew; none where the readings cannot tell them.
-
-    A reading tells a value and its rate.
-    """
+    """Return the FMU states at which each run begins, where a reading shows the value and its rate; else none."""
     from ..simulators.fmu_model import FmuSimulator
 
     found = simulator.own_states() if isinstance(simulator, FmuSimulator) else []

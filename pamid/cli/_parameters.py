@@ -10,11 +10,7 @@ from .common import number, table
 
 
 def fitted_parameters(model: Any) -> dict[str, dict[str, Any]]:
-    """Return the parameters of a fitted estimator by name; empty for one whose parameters have no meaning.
-
-    Each has ``value``, ``unit``, ``standard_error`` (None where the data do not determine it), ``lower`` and ``upper``
-    (None without a bound), ``fitted`` and ``at_bound``.
-    """
+    """Return value, unit, error, bounds and flags of each fitted parameter by name; empty without physical meaning."""
     values = getattr(model, "parameters_", None) or getattr(model, "coefficients_", None) or {}
     if any(isinstance(value, dict) for value in values.values()):
         return {}

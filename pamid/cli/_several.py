@@ -48,10 +48,7 @@ def wanted(args: argparse.Namespace) -> bool:
 
 
 def logs_of(args: argparse.Namespace, simulator: Any) -> dict[str, pd.DataFrame] | None:
-    """Return each file that the arguments name as a log of its own; None where they are the runs of one log.
-
-    Files of one run each are the runs of one log, unless a table of conditions or an earlier diagnosis says otherwise.
-    """
+    """Return each named file as a log of its own; None where they are the runs of one log."""
     from ..signals.joining import is_joined
     from ..signals.log import MAX_BYTES, find_logs
 

@@ -84,11 +84,7 @@ def _own_equations(estimator: Any) -> list[str]:
 
 
 def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
-    """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target.
-
-    A log of the bench is unfolded by its simulator; a log of one muscle has these columns already. A log of a cylinder
-    or a joint keeps its signals; rows in which its drive is not known have none.
-    """
+    """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target."""
     from ..systems import System
 
     if target.signals != ("eps", "P"):

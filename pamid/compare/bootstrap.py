@@ -17,35 +17,7 @@ class Interval(NamedTuple):
 
 
 class ClusterBootstrap:
-    """Draws of whole runs, the same for everything that is compared.
-
-    Parameters
-    ----------
-    clusters : ndarray of int, shape (n_samples,)
-        Run of each row, numbered from 0.
-    n_draws : int, default=2000
-        Draws.
-    level : float, default=0.9
-        Share of draws inside an interval.
-    random_state : int, default=0
-        Seed.
-
-    Notes
-    -----
-    A draw takes as many runs as there are, with replacement. With fewer than about ten runs such
-    intervals come out somewhat short.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.compare.bootstrap import ClusterBootstrap
-    >>> rows = np.repeat(np.arange(20), 50)
-    >>> draws = ClusterBootstrap(rows)
-    >>> error = np.random.default_rng(0).normal(size=1000)
-    >>> low_to_high = draws.rmse(error**2)
-    >>> bool(low_to_high.low < 1.0 < low_to_high.high)
-    True
-    """
+    """Bootstrap draws of whole runs, with replacement, shared by all comparisons; too narrow below about ten runs."""
 
     def __init__(self, clusters: np.ndarray, n_draws: int = 2000, level: float = 0.9, random_state: int = 0) -> None:
         self.clusters = np.asarray(clusters)
@@ -66,10 +38,7 @@ class ClusterBootstrap:
         return Interval(float(np.sqrt(np.mean(squared_error))), float(low), float(high))
 
     def difference(self, squared_error: np.ndarray, other: np.ndarray) -> Interval:
-        """Return the difference of two root mean square errors on the same rows, with its interval.
-
-        Both errors are taken on the same draws: what makes a run hard for all models cancels.
-        """
+        """Return the difference of two RMS errors on the same rows and draws, with its interval."""
         low, high = np.quantile(self.draws(squared_error) - self.draws(other), self.quantiles)
         value = np.sqrt(np.mean(squared_error)) - np.sqrt(np.mean(other))
         return Interval(float(value), float(low), float(high))

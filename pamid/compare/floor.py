@@ -16,12 +16,9 @@ def noise_floor(
     target: np.ndarray,
     method: str = "savgol",
 ) -> float:
-    r"""Estimate the error that a perfect model would have, from the noise of the channels.
+    r"""Estimate the error of a perfect model from the noise of the channels and the gains g of the rate filter.
 
     .. math:: \sigma^2 = \sigma_y^2 g_y + \sum_s \left(\frac{\partial f}{\partial s}\right)^2 \sigma_s^2 g_s
-
-    with the noise of each channel told from the log itself, its gain g through the filter that took the rates
-    (1 for a signal used as it is), and the sensitivities of a model that stands for the perfect one.
     """
     from ..signals.state import STATE_SIGNALS
 

@@ -27,15 +27,9 @@ def flow_steps(table: pd.DataFrame, column: str = "mdot") -> np.ndarray:
 
 
 def held_share(table: pd.DataFrame, flow: np.ndarray, step: np.ndarray) -> float:
-    r"""Return for how much of the time to the next sample a valve's flow stays what the log says.
-
-    The command of a valve is held between samples. The flow of a quick valve then jumps at a sample and stays, so that
-    its mean around the sample lies half a step behind the logged one; that of a slow valve passes through its samples
-    like any other signal. A log does not tell which, so the share :math:`s` is found by least squares,
+    r"""Return the share s of the step for which a valve's flow is held, by least squares, V polynomial in (ε, P).
 
     .. math:: \dot m = \dot m_V(\varepsilon, \dot\varepsilon, P, \dot P) + \frac{s}{2}\, \Delta\dot m
-
-    with the flow of a polynomial volume :math:`V(\varepsilon, P)`.
     """
     if len(flow) < ROWS:
         return 0.0

@@ -37,10 +37,7 @@ def shift(x: Array, value: Array, samples: float, smooth: bool = False) -> Array
 
 
 def delayed_rows(v: Array, samples: float, starts: Array, smooth: bool = False) -> Array:
-    """Return ``v`` delayed (or, with a negative number, advanced) within each run; ends repeat.
-
-    Between samples, what is smooth follows a cubic polynomial: straight lines would be a lag as well.
-    """
+    """Return ``v`` delayed (or advanced) within each run; ends repeat, smooth signals are interpolated cubically."""
     n = len(v)
     starts = np.asarray(starts, dtype=np.int64)
     lengths = np.diff(np.append(starts, n))

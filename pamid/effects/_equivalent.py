@@ -26,10 +26,7 @@ ROUGH = MEMORIES.index("tube_60ms")
 
 
 def pasts(P: Array, dt: float, starts: Array) -> np.ndarray:
-    """Return each memory of the pressure less the pressure, Pa, shape (n_samples, n_memories); at rest at each start.
-
-    Plays follow the pressure behind the tube, so that pulses of a valve do not move them.
-    """
+    """Return each pressure memory less the pressure, Pa, shape (n_samples, n_memories), at rest at each start."""
     behind = relax_along(P, dt, TUBE[0], starts)
     lags = [relax_along(P, dt, tau, starts) for tau in (*TUBE, *RELAXATION)]
     plays = [play(behind, width, starts) for width in HYSTERESIS]

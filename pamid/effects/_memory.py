@@ -11,11 +11,7 @@ from ..signals.state import Array
 
 
 def dahl(z: Array, displacement: Array, length: float, exponent: float = 1.0) -> Array:
-    r"""Advance Dahl's bristle z ∈ [−1, 1] by a displacement: dz = (1 − z sgn dξ)ⁿ dξ / length.
-
-    The distance from sliding, w = 1 − z sgn dξ, obeys dw = −wⁿ |dξ| / length: an exponential for n = 1, a straight
-    line to its end for n = 0, and in between a power.
-    """
+    """Advance Dahl's bristle z ∈ [−1, 1] exactly: dz = (1 − z sgn dξ)ⁿ dξ / length."""
     d = displacement / length
     if exponent > 0.999:
         decay = np.exp(-np.abs(d))
@@ -26,13 +22,10 @@ def dahl(z: Array, displacement: Array, length: float, exponent: float = 1.0) ->
 
 
 def bouc_wen(z: Array, displacement: Array, length: Array, shape: float) -> Array:
-    r"""Advance the Bouc–Wen variable z ∈ [−1, 1] (exponent 1) by a displacement.
+    r"""Advance the Bouc–Wen variable z ∈ [−1, 1] (exponent 1) exactly; along the motion it is linear on each side of 0.
 
     .. math:: \frac{\mathrm{d}z}{\mathrm{d}\xi} = \frac{1}{\delta}\left(1 - |z|\,(\beta\,\mathrm{sgn}(z\,
         \mathrm{d}\xi) + 1 - \beta)\right)
-
-    With the variable oriented along the motion, w = z sgn dξ, the law is linear on either side of w = 0. Each w then
-    lies at a known distance from the passage through 0, counted along the motion; the displacement is added to it.
     """
     d = displacement / length
     sign = np.copysign(1.0, d)
@@ -100,11 +93,7 @@ def hold_along(v: Array, dt: float, tau: float, starts: Array) -> Array:
 
 
 def drawn_along(target: Array, decay: Array, starts: Array) -> Array:
-    """Return x with x[k + 1] = target[k] + (x[k] − target[k]) decay[k] along runs, from 0 at each start.
-
-    Neighbouring steps are joined to steps of twice the length until one reaches from the start: as many rounds as the
-    binary logarithm of the memory's length.
-    """
+    """Return x[k + 1] = target[k] + (x[k] − target[k]) decay[k] along runs, from 0, by doubling of steps."""
     shape = (len(target) + 1, *target.shape[1:])
     keep, x = np.zeros(shape), np.zeros(shape)
     keep[1:], x[1:] = decay, target * (1.0 - decay)

@@ -16,8 +16,7 @@ def transition(
 ) -> tuple[Array, Array, Array]:
     r"""Return the transition of (y, ẏ) over an interval, :math:`\ddot y = \omega^2 (v - y) - 2 \zeta \omega\,\dot y`.
 
-    With a damper beside the spring, :math:`\ddot y = \omega^2 (v - y) + 2 \zeta \omega\,(\dot v - \dot y)`, the second
-    state is :math:`\dot y - 2 \zeta \omega\,(v - y)`.
+    With a `damper` beside the spring the second state is :math:`\dot y - 2 \zeta \omega\,(v - y)`.
     """
     from scipy.linalg import expm
 
@@ -44,10 +43,7 @@ def carried(x: Array, v0: Array, v1: Array, frequency: float, damping: float, dt
 def carried_along(
     v: Array, dt: float, frequency: float, damping: float, starts: Array, ramp: bool, speed: Array = None
 ) -> Array:
-    """Return `carried` along the runs of a log, at rest at the start of each; time is the first axis.
-
-    With the speed of the input there is a damper beside the spring, and the output begins at that speed.
-    """
+    """Return `carried` along runs, at rest at each start; with the input's `speed`, a damper is beside the spring."""
     v = np.asarray(v, dtype=float)
     M, old, new = transition(frequency, damping, dt, ramp, speed is not None)
     begin = np.zeros(len(v), dtype=int)

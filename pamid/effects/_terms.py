@@ -45,11 +45,7 @@ class WholeLog(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What effects add to one equation.
-
-    ``offset`` (n_samples,) is added whatever the weights, ``columns`` (n_samples, n_terms) are what each weight
-    multiplies, ``of`` names effect and parameter of each, ``memory`` says which columns depend only on the past.
-    """
+    """What effects add to an equation: an ``offset`` and, for each weight, a column, its effect and its parameter."""
 
     offset: np.ndarray
     columns: np.ndarray
@@ -66,11 +62,7 @@ def acts_on(effect: Effect, equations: Collection[str]) -> bool:
 def of_causes(
     causes: Iterable[tuple[Sequence[str], Sequence[Mapping[str, float]]]], equations: Collection[str]
 ) -> tuple[list[Effect], list[str]]:
-    """Return the effects of a diagnosis that a model of these equations can hold, and the causes that it cannot.
-
-    A cause is the names of its class and the parameters of each of them, as far as these are known; the likeliest one
-    that the model can contain represents the class.
-    """
+    """Return the likeliest effects that models of these equations can hold, and the causes that they cannot."""
     held: list[Effect] = []
     left: list[str] = []
     for names, values in causes:

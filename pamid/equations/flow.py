@@ -18,19 +18,11 @@ _MOST = 2.0
 
 
 class FlowEquation(Equation):
-    r"""Measured mass flow minus what pressure and volume say.
-
-    Instead of :math:`\dot m - \dot P V/(\gamma R T) - P\dot V/(R T)`, which needs the rate of a noisy pressure, its
-    exact integral is tested,
+    r"""Measured mass flow minus that of pressure and volume, integrated exactly: no rate of a noisy pressure, kg/s.
 
     .. math:: \frac{\mathrm{d}}{\mathrm{d}t}\left(P^{1/\gamma} V\right) = P^{1/\gamma-1} R T\,\dot m
 
-    divided by the window's :math:`P^{1/\gamma-1} R T`, so that the residual is a flow in kg/s.
-
-    Between two samples the flow of a quick valve goes on from the first, because its command is held, and changes with
-    the pressure alone; that of a slow valve goes straight to the second; that of a valve whose command comes late may
-    change right after the first. Which it is, is a timing within one sample that a log does not tell; the share that
-    fits the run best is taken, so that it does not pose as a gap.
+    Whether the valve's flow is held, linear or late between samples is fitted to each run.
     """
 
     name: ClassVar[str] = "flow"
@@ -55,10 +47,9 @@ class FlowEquation(Equation):
 
 
 def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | None = None) -> np.ndarray:
-    """Return a flow into both muscles less what pressure and volume say of it, over windows of order 2, kg/s.
+    """Return flow minus gas balance over windows of order 2, kg/s.
 
-    Between samples the flow goes on at a held command with a share of 0, straight to the next one with 1, and is the
-    next one's all the time with 2; by default the share is the one that fits the run best.
+    The flow is held between samples for a share of 0, linear for 1, the next sample's for 2; by default it is fitted.
     """
     per_flow, scale, stored = _stored(run, windows)
     if mdot is run.channels.get("mdot"):

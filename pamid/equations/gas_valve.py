@@ -14,14 +14,10 @@ from .windows import kernel
 
 
 class GasValveEquation(Equation):
-    r"""Mass flow through the valve at its command minus what pressure and volume say.
-
-    The equations of flow and valve with the flow eliminated between them,
+    r"""Mass flow through the valve at its command minus the gas balance: flow and valve with the flow eliminated.
 
     .. math:: \frac{\mathrm{d}}{\mathrm{d}t}\left(P^{1/\gamma} V\right) =
         P^{1/\gamma-1} R T\,\dot m_\mathrm{valve}(u, P)
-
-    in the same weak form as the flow equation. What enters either of them acts here: a leak as well as a dead zone.
     """
 
     name: ClassVar[str] = "gas_valve"

@@ -12,12 +12,9 @@ from .windows import Windows, kernel
 
 
 class JointEquation(Equation):
-    r"""Torque of the measured tensions minus what the motion takes.
+    r"""Torque of the measured tensions minus that of the motion, :math:`r (F_1 - F_2) - b_q \dot q - J \ddot q`.
 
-    .. math:: r (F_1 - F_2) - b_q \dot q - J \ddot q
-
-    tested in weak form: the acceleration becomes the second difference of window means of the angle, so that the
-    encoder's noise is not differentiated sample by sample and no filter's error poses as a torque.
+    In weak form: the acceleration is the second difference of window means of the angle.
     """
 
     name: ClassVar[str] = "joint"

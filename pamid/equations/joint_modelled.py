@@ -13,14 +13,9 @@ from .run import SIGNS, Run
 
 
 class JointModelledEquation(Equation):
-    r"""Torque of the modelled tensions minus what the motion takes.
-
-    The equations of force and joint with the tensions eliminated between them,
+    r"""Torque of the modelled tensions minus that of the motion: force and joint with the tensions eliminated.
 
     .. math:: r \left(F_1(q, P_1) - F_2(q, P_2)\right) - b_q \dot q - J \ddot q
-
-    in the same weak form as the joint equation. What enters either of them acts here: friction of a muscle as well as
-    gravity. A load cell's faults do not.
     """
 
     name: ClassVar[str] = "joint_modelled"

@@ -56,11 +56,7 @@ def roughness(x: np.ndarray, at: np.ndarray) -> float:
 
 
 def noise_beside(x: np.ndarray, drive: np.ndarray, noise: ChannelNoise, at: np.ndarray | None = None) -> ChannelNoise:
-    """Return the noise of a channel without the jitter that what drives it really has.
-
-    A controller that reads noisy sensors commands a valve back and forth from sample to sample; the flow then follows,
-    and is no noise.
-    """
+    """Return the noise of a channel without the jitter that its noisy controller drives it with."""
     steps, cause = third_differences(x, at), third_differences(drive, at)
     power = float(cause @ cause)
     if len(steps) < 10 or power == 0.0:

@@ -36,18 +36,7 @@ class Tested(Protocol):
 
 
 class Model:
-    """The parameters of a bench with its effects made, as the equations use them.
-
-    Parameters
-    ----------
-    params : BenchParameters
-        The simulator.
-    settled : bool, default=False
-        Whether the ends of every stretch are left out, as they are for effects with memory, so that simulators with
-        and without memory are compared with the same windows.
-    noise : bool, default=True
-        Whether residuals come with their noise; zeros otherwise.
-    """
+    """The parameters of a bench with its effects; `settled` leaves out the ends of stretches, `noise` adds noise."""
 
     def __init__(self, params: BenchParameters, settled: bool = False, noise: bool = True) -> None:
         self.settled, self.noise = settled, noise
@@ -323,11 +312,7 @@ class Run:
         return np.asarray(sum(parts)) if parts else None
 
     def added_force_of_speed(self) -> np.ndarray | float:
-        """Return what the motion that smoothing takes from the speed adds to those tensions, N, to first order.
-
-        Smoothing bends the speed where a step begins, and the noise of the bare difference of angles cancels under the
-        test function of an acceleration.
-        """
+        """Return the tension, N, of the motion that smoothing removes from the speed, to first order."""
         total: Any = 0.0
         for e, s, x in self._having("force"):
             if "velocity" in e.roles:
@@ -348,11 +333,7 @@ class Run:
         return total
 
     def added_flow(self) -> np.ndarray | None:
-        """Return what effects add to the flow into the muscles between samples, kg/s, shape (n_samples - 1, 2).
-
-        The terms in Ṗ take the change of pressure from sample to sample: averaged over a window, its noise cancels
-        but for the ends.
-        """
+        """Return the flow that effects add between samples, kg/s, shape (n_samples - 1, 2)."""
         total = None
         for e, s, x in self._having("flow"):
             part: FlowTerm = e.flow(s, x, self.model.plant)

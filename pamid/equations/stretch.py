@@ -147,11 +147,7 @@ def _period(steps: np.ndarray) -> float:
 
 
 def _clock(time: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray | None]:
-    """Return the step of a stretch, s, and the place of each sample in steps; None for one sample a step.
-
-    Times that vary by little, or samples that nobody lost, may come from an even clock whose stamps are late; the angle
-    tells, which is smooth in true time alone.
-    """
+    """Return the step of a stretch, s, and the place of each sample in steps; None for one sample a step."""
     steps = np.diff(time)
     dt = _period(steps)
     count = np.maximum(np.rint(steps / dt), 1.0)
@@ -225,11 +221,7 @@ def _cubic(at: np.ndarray, rows: np.ndarray, after: np.ndarray) -> tuple[np.ndar
 
 
 def _between(x: np.ndarray, given: np.ndarray, least: float) -> tuple[float, np.ndarray]:
-    """Return what a signal does between samples beyond its line, with its noise, and the holes in which it jumped.
-
-    A sample against the line through its neighbours shows what a lost one hides, and a step over a hole against the
-    steps on both sides shows a jump, if it is ``least`` at least.
-    """
+    """Return how far a signal leaves its line between samples, noise included, and the holes in which it jumped."""
     torn = np.zeros(len(x), dtype=bool)
     if len(x) < 5:
         return 0.0, torn

@@ -14,14 +14,10 @@ from .windows import kernel
 
 
 class ValveEquation(Equation):
-    r"""Measured mass flow minus what the valve lets through at its command.
+    r"""Measured mass flow minus that through the valve at its command; where readings lag, fitted to within a sample.
 
     .. math:: \dot m - \begin{cases} C u \rho_0 P_s\,\psi(P/P_s) & u > 0 \\
         -C |u| \rho_0 P\,\psi(P_\mathrm{atm}/P) & u < 0 \end{cases}
-
-    Where the flow is undone from readings that lag, it is so to within a sample: whether it stood from one sample to
-    the next or went straight is in none of the readings. The modelled flow is then as late, by up to one sample, as
-    fits the run best.
     """
 
     name: ClassVar[str] = "valve"

@@ -116,11 +116,7 @@ class Bridge(NamedTuple):
 
 @dataclass
 class Windows:
-    """The windows of one stretch in which an equation is tested, and how means over them are formed.
-
-    Where samples are missing, an equation without derivatives is averaged over those that are there; the test function
-    of a derivative goes over rows that were bridged.
-    """
+    """The windows of one stretch: means over present samples, test functions of derivatives over bridged ones."""
 
     n: int
     order: int

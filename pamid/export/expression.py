@@ -259,10 +259,7 @@ def as_symbol(value: Any) -> Symbol:
 
 
 def node(op: str, *operands: Any) -> Any:
-    """Return an operation on symbols and numbers; numbers alone are computed at once, zeros and ones vanish.
-
-    Of arrays it is the array of the operations on their elements.
-    """
+    """Return an operation on symbols (elementwise on arrays), with constants folded and zeros and ones removed."""
     if any(isinstance(a, np.ndarray) and a.ndim for a in operands):
         return _each(partial(node, op), operands)
     args = tuple(as_symbol(a) for a in operands)

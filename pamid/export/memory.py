@@ -21,28 +21,13 @@ BEFORE = "was_"
 
 @dataclass(frozen=True)
 class Memory:
-    """The states of a model's effects, as formulas.
+    """The states of a model's effects, as formulas; their symbols are ``x0``, ``x1`` and so on."""
 
-    Parameters
-    ----------
-    states : tuple of str
-        Names of the states, such as ``"pressure_hysteresis 1"``; their symbols are ``x0``, ``x1`` and so on.
-    begin : tuple of Symbol
-        Signals of the muscle (ε, ε̇, P, Ṗ), then its states, from the first reading: ``eps``, ``deps``, ``P``, ``dP``.
-    follow : tuple of Symbol
-        The same from the next reading, the time ``dt`` (s) since the one before, and the signals (``was_eps``, …) and
-        states there.
-    inputs : tuple of Symbol
-        What the network reads beside the signals of the muscle, from these (``eps``, …) and the states.
-    finest : Effect or None
-        That of the effects which needs the finest floating type; None where each does with any.
-    """
-
-    states: tuple[str, ...]
-    begin: tuple[Symbol, ...]
-    follow: tuple[Symbol, ...]
-    inputs: tuple[Symbol, ...]
-    finest: Effect | None = None
+    states: tuple[str, ...]  # names, such as "pressure_hysteresis 1"
+    begin: tuple[Symbol, ...]  # eps, deps, P, dP, then states, from the first reading
+    follow: tuple[Symbol, ...]  # the same from the next reading, the time dt (s) since the last, was_eps, … and states
+    inputs: tuple[Symbol, ...]  # of the network beside the signals of the muscle, from these and the states
+    finest: Effect | None = None  # the effect that needs the finest floating type, if any does
 
 
 class Tracer:

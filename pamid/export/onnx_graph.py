@@ -50,10 +50,7 @@ def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
 
 
 def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
-    """Write a plan with memory as two ONNX models, one for the first readings and one for each next one.
-
-    Parameters and errors are those of `onnx_model`.
-    """
+    """Write a plan with memory as two ONNX models, for the first reading and for each next one; see `onnx_model`."""
     assert plan.memory is not None
     found = {}
     for end, formulas in (("_begin", plan.memory.begin), ("", plan.memory.follow)):

@@ -95,10 +95,7 @@ class Best:
 
 
 class AdamSteps:
-    """Adam on tensors, its rate lowered as the training goes on.
-
-    D. P. Kingma, J. Ba, "Adam: a method for stochastic optimization", 2015. https://doi.org/10.48550/arXiv.1412.6980
-    """
+    """Adam on tensors with a decaying rate (D. P. Kingma, J. Ba, 2015, https://doi.org/10.48550/arXiv.1412.6980)."""
 
     def __init__(self, parameters: dict[str, Any], learning_rate: float) -> None:
         import torch
@@ -164,11 +161,7 @@ def run_epochs(
     one_step: bool,
     attributes: Callable[[Weights], dict[str, Any]],
 ) -> None:
-    """Run epochs until the last, until they bring nothing more, or until a callback or the user stops them.
-
-    Without held-out rows the training loss is what decides. Where an epoch is one step, its loss belongs to the
-    weights before the step, and these are what is kept.
-    """
+    """Run epochs to the last, to no improvement, or to a stop; without held-out rows the training loss decides."""
     for epoch in progress:
         before = to_arrays(tensors) if one_step and validate is None else None
         loss = one_epoch(epoch)

@@ -131,11 +131,7 @@ def _covariance(
 
 
 def compress(factor: np.ndarray, A: np.ndarray, y: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Take rows into the triangular factor of [A | y].
-
-    The factor holds all that a linear least-squares fit needs to know of the rows; adding rows in batches gives what
-    all rows at once give, and memory does not grow with the rows.
-    """
+    """Add rows to the triangular factor of [A | y], which holds all that a linear least-squares fit needs."""
     root = np.sqrt(weight)[:, None]
     return np.asarray(np.linalg.qr(np.vstack([factor, root * np.column_stack([A, y])]), mode="r"))
 

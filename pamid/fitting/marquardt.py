@@ -20,17 +20,7 @@ Point = TypeVar("Point")
 
 @dataclass
 class Damping:
-    """Marquardt's damping: grown until a step lowers the loss, shrunk after one that does.
-
-    Examples
-    --------
-    >>> from pamid.fitting.marquardt import Damping
-    >>> damping = Damping(1.0, shrink=0.5, grow=4.0, least=1e-12, most=1e8)
-    >>> damping.descend(9.0, lambda c: 8.0 / c - 3.0, lambda x: x * x)
-    (-1.0, 1.0)
-    >>> damping.value
-    2.0
-    """
+    """Marquardt's damping: grown until a step lowers the loss, shrunk after one that does."""
 
     value: float
     """Damping of the next trial."""
@@ -65,41 +55,7 @@ class Normal(NamedTuple):
 
 
 class Marquardt:
-    """Levenberg–Marquardt steps on a sum of squares plus `alpha` times the squared distance of the parameters.
-
-    The caller owns the loop: each `step` takes one accepted step, or finds that there is none to take.
-
-    Parameters
-    ----------
-    start : ndarray, shape (n_parameters,)
-        Where to begin.
-    around : callable
-        Parameters to the `Normal` equations there.
-    value : callable
-        Parameters to the sum of squares alone.
-    alpha : float, default=0.0
-        Weight of the squared distance.
-    centre : ndarray, shape (n_parameters,), optional
-        From where the distance counts, zero by default.
-
-    Raises
-    ------
-    DivergedError
-        If the loss is not finite at the start.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.fitting.marquardt import Marquardt, Normal
-    >>> target = np.array([1.0, 2.0])
-    >>> steps = Marquardt(
-    ...     np.zeros(2),
-    ...     lambda x: Normal(float((x - target) @ (x - target)), x - target, np.eye(2)),
-    ...     lambda x: float((x - target) @ (x - target)),
-    ... )
-    >>> all(steps.step() for _ in range(5)), bool(steps.loss < 1e-9)
-    (True, True)
-    """
+    """Levenberg–Marquardt `step` by step on a sum of squares plus `alpha` times the squared distance from `centre`."""
 
     def __init__(
         self,

@@ -19,10 +19,7 @@ CHUNK = 20_000
 
 
 def initial_weights(rng: np.random.Generator, n_in: int, hidden: int, n_out: int) -> Weights:
-    """Draw weights after Nguyen and Widrow: the hidden units share out the range of standardised inputs.
-
-    D. Nguyen, B. Widrow, IJCNN 1990. https://doi.org/10.1109/IJCNN.1990.137819
-    """
+    """Draw weights after D. Nguyen, B. Widrow, IJCNN 1990 (https://doi.org/10.1109/IJCNN.1990.137819)."""
     direction = rng.standard_normal((n_in, hidden))
     direction /= np.linalg.norm(direction, axis=0)
     steepness = 0.7 * hidden ** (1.0 / n_in) / np.sqrt(3.0)

@@ -86,16 +86,8 @@ def explain(
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
-    Parameters that have a tolerance are fitted together with effects, under one likelihood in which the forms of
-    effects may be inexact. The library is linearised once, and every set of effects scored from products of its
-    columns. The best few sets are refitted exactly, and compete by their evidence. That decides between them, no gap,
-    and something that the library does not hold. The answer is checked where it could be wrong: on held-out runs of the
-    fit, over runs and regions, and in what is left.
-
-    Causes are searched in a part of the evidence where one is given, with templates of effects that are known there;
-    where the search was interrupted already, the best single effect is refitted and no more. Where `run` simulates,
-    it rules out sets of effects that equations hardly tell apart. With the log odds of a `change`, runs that disagree
-    about an effect raise `RunsDifferError`.
+    Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
+    `change`, runs that disagree about an effect raise `RunsDifferError`.
     """
     from threadpoolctl import threadpool_limits
 

@@ -129,11 +129,7 @@ def sampling_interval(signals: Table, codes: np.ndarray, otherwise: float = 1e-3
 
 
 def role_signals(given: dict[str, np.ndarray], codes: np.ndarray, dt: float, equation: str) -> dict[str, np.ndarray]:
-    """Return the signals by role; a velocity that was not given is differentiated within each run.
-
-    Where nothing is a position, the command (or the force) that drives the thing stands for it: hysteresis and creep
-    then act on that.
-    """
+    """Return the signals by role; a missing velocity is differentiated, a missing position is the command or force."""
     signals = dict(given)
     if "position" not in signals and "velocity" not in signals:
         driving = next((r for r in ("command", "force", "pressure") if r in signals), None)
@@ -164,10 +160,7 @@ def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
 
 
 def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.ndarray:
-    """Return what noise of the readings adds to the residual at each row, on copies of a log with as much noise again.
-
-    A rate that the simulator takes of a signal, or what its law makes of one, has noise that neighbours share.
-    """
+    """Return the noise of the residual at each row, from copies of the log with as much noise again."""
     import pandas as pd
 
     rng, drawn = np.random.RandomState(0), np.zeros((REPLICATES, len(problem.y)))
@@ -187,9 +180,7 @@ def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.nd
 
 
 def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator]) -> list[Simulator]:
-    """Return the simulator of each log that states its equation, what it fits to a log fitted to all that share its
-    numbers.
-    """
+    """Return each log's simulator of its equation, with its fitted numbers shared by all logs that state the same."""
     import pandas as pd
 
     alike: dict[str, list[pd.DataFrame]] = {}

@@ -95,10 +95,7 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
 
 
 def runner(evidence: PortEvidence) -> Run | None:
-    """Return what runs the simulator with effects over a log's stretches; None where residuals are that already.
-
-    Initial states and what is not known within a sample are fitted to each; effects are as given, or refitted.
-    """
+    """Return a function that simulates effects over a log's stretches; None where residuals are that already."""
     from ..errors import PamidError
     from .inference.gauss_newton import Fitter
     from .residuals.shooting import ShootingEvidence
@@ -144,10 +141,7 @@ class Library(NamedTuple):
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
-    """Set the correlation time of each equation's unpredictable residual; return the templates.
-
-    Effects with one template come first, and give a preliminary answer while the rest is evaluated.
-    """
+    """Set the correlation time of each equation's unpredictable residual; return the templates."""
     known: dict[str, list[Template]] = {}
     simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
     try:
@@ -287,10 +281,7 @@ def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
 def _forces(
     evidence: PortEvidence, found: Diagnosis, corrected: Simulator
 ) -> tuple[list[str], dict[tuple[str, str], str]]:
-    """Return notes and sizes in newtons for those in the unit of an input or an acceleration, where a mass allows it.
-
-    Sizes are by effect and parameter.
-    """
+    """Return notes and sizes in newtons, by effect and parameter, for those in an input's or acceleration's unit."""
     notes: list[str] = []
     physical: dict[tuple[str, str], str] = {}
     if corrected.form != "ode":

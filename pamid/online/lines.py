@@ -43,12 +43,7 @@ class _Cutter:
 def lines(
     path: str | Path, *, follow: bool = False, poll: float = 0.1, patience: float | None = None
 ) -> Iterator[bytes | None]:
-    """Yield the complete lines of a file, and of what is appended to it.
-
-    A line that is still being written is not read until its end is there. A file that was replaced is told by its
-    identity (device and inode), read to its end and followed by the new one; one that became shorter is read again; for
-    one that is gone the reader waits.
-    """
+    """Yield the complete lines of a file and of what is appended to it, also after it was replaced or cut."""
     path = Path(path)
     if not path.is_file():
         raise LogNotFoundError(f"There is no file {path}.", "a file of JSON lines", "Correct the path; '-' is a pipe.")

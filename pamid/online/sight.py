@@ -18,17 +18,7 @@ LEAST_SAMPLES = 20
 
 
 class Sight:
-    """Judge the last second of a stream: whether there are signals, in SI, that move.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.online.sight import Sight
-    >>> t = np.arange(1000) * 1e-3
-    >>> table = {"time": t, "eps": 0.1 + 0 * t, "P": 3.0 + np.sin(t), "F": np.cos(t)}  # the pressure in bar
-    >>> Sight(["F", "mdot"], 1e-3).look(table)
-    'P reaches 3.84: that looks like bar; expected Pa, absolute.'
-    """
+    """Judge the last second of a stream: whether there are signals, in SI, that move."""
 
     def __init__(self, targets: Sequence[str], interval: float, ambient: float = ATMOSPHERIC_PRESSURE) -> None:
         self.targets = tuple(targets)

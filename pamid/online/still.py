@@ -11,21 +11,7 @@ LEAST_READINGS = 5
 
 
 class StillSensors:
-    """Tell which samples of which channels come from a sensor that is stuck.
-
-    A channel that did rest on the healthy stretch, such as one in coarse steps, is never called stuck.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.online.still import StillSensors
-    >>> noise = np.random.default_rng(0).normal(size=200)
-    >>> sensors = StillSensors(20).learn({"F": noise})
-    >>> time = np.arange(200) * 1e-3
-    >>> left_out = sensors.update({"F": np.where(time < 0.1, noise, 4.2)}, time)
-    >>> int(left_out["F"].sum()), sensors.stuck
-    (100, {'F': 0.1})
-    """
+    """Find stuck sensors; a channel that rested on the healthy stretch is never called stuck."""
 
     def __init__(self, block: int) -> None:
         self.block = block

@@ -45,33 +45,10 @@ def slope_weights(interval: float) -> np.ndarray:
 
 
 class Samples:
-    """Turn lines into blocks of evenly spaced samples with rates.
+    """Turn lines into evenly spaced blocks of columns and the rates of ``eps`` and ``P``; `problems` counts bad input.
 
-    The interval is the median step of the first samples. From then on samples that come unevenly, and a few that are
-    lost, are put on an even clock by straight lines; a longer hole begins a new run. A single sample that leaves the
-    others and comes back at once is replaced by its neighbours' mean.
-
-    Parameters
-    ----------
-    columns : sequence of str
-        Signals that are read; one that a sample lacks is NaN. Short holes of ``eps`` and ``P`` are filled, and blocks
-        hold their rates, ``deps`` and ``dP``.
-    interval : float, optional
-        Sampling interval, s; found from the stream by default.
-    block : int, default=100
-        Samples a block.
-    convert : callable, optional
-        Turns the object of a line into one with the columns; may raise ValueError, TypeError or KeyError.
-
-    Attributes
-    ----------
-    interval : float or None
-        Sampling interval, s; None until it is known.
-    problems : dict of str to int
-        How often each kind of bad input was met: ``"malformed"``, ``"late"``, ``"gap"``, ``"restart"``, ``"missing"``,
-        ``"lost"`` (samples that were filled in), ``"glitch"``.
-    last_problem : str
-        The last malformed line, in words.
+    Uneven and few lost samples are interpolated, a longer hole begins a new run, a single outlier is replaced.
+    `convert` may raise ValueError, TypeError or KeyError for a malformed line.
     """
 
     def __init__(

@@ -81,11 +81,7 @@ def _unit(simulator: Simulator, name: str) -> str:
 
 
 def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
-    """Return what a log says of some numbers, those of the simulator's effects fitted beside them.
-
-    Gauss and Newton's step from where the simulator stands; errors from the curvature there, widened by what is left.
-    A direction is flat where the log narrows it to no less than `WIDE`.
-    """
+    """Return what a log says of some numbers, fitted in one Gauss–Newton step beside the simulator's effects."""
     simulator = with_tolerance(simulator, [n for n in names if n in simulator.parameters], _NEAR)
     evidence = evidence_of(log, simulator)
     mine = [n for n in evidence.free if n in names]

@@ -11,10 +11,7 @@ _GAP = 5.0
 
 
 def drawn(time: np.ndarray, *curves: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return what a picture shows of curves over increasing times, the times first: extremes, and NaN in gaps.
-
-    Of each pixel column the rows with the least and the greatest value of each curve are kept.
-    """
+    """Return curves as drawn, times first: the least and greatest of each pixel column, NaN in gaps."""
     piece = _pieces(time)
     rows = _extremes(time, piece, curves)
     gaps = np.flatnonzero(np.diff(piece[rows])) + 1

@@ -57,11 +57,7 @@ def causes_listed(causes: list[str]) -> str:
 
 
 def _alternatives(cause: Cause, words: Words) -> list[tuple[str, str, Estimates]]:
-    """Return names, ports and parameters of a cause's alternatives.
-
-    A wrong parameter and an effect in its unit, of the size by which it is wrong, are the same physics: damping and
-    viscous friction. The parameter stands for both.
-    """
+    """Return names, ports and parameters of a cause's alternatives; a parameter stands for an equivalent effect."""
     sizes = [cause.parameters, *cause.others]
     sizes += [{}] * (len(cause.effects) - len(sizes))
     found: list[tuple[str, str, Estimates]] = list(zip(cause.effects, places(cause), sizes, strict=True))
@@ -128,11 +124,7 @@ def _deviation(own: Any, p: ParameterEstimate, full: bool) -> str:
 
 
 def _telling(kind: type[Effect] | None, sizes: Estimates) -> list[tuple[str, ParameterEstimate]]:
-    """Return the parameters that say how large a cause is: the first, and what else is surely not nothing.
-
-    Of several that add to an effect, one that may be nothing is left out; so is what ended at a bound, where a log says
-    no more than that it is small or large.
-    """
+    """Return the parameters that say how large a cause is: the first, and others surely nonzero and not at a bound."""
     known = {p.name: p for p in kind.parameters} if kind else {}
     adding = [n for n, q in known.items() if q.linear and n in sizes]
     open_ = [n for n in adding if not _bounded(sizes[n]) and sizes[n].value != 0.0]
@@ -159,10 +151,7 @@ def _effect(name: str) -> type[Effect] | None:
 
 
 def shown_unit(name: str, word: str, unit: str, port: str = "") -> str:
-    """Return the unit in which people read a parameter: a plain number is a share only if it says one.
-
-    At a port without a unit a size has none; on a bench a contraction and a command are said in per cent.
-    """
+    """Return the unit in which people read a parameter: per cent for shares, none at a port without a unit."""
     if unit != "-":
         return unit
     kind = _effect(name)

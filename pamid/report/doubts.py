@@ -27,9 +27,8 @@ _FACTOR = "deviation"
 def question(d: Diagnosis) -> str:
     r"""Ask whether a pressure's reference or a unit is wrong.
 
-    An offset within 10 % of the ambient pressure, or of the force that it makes on a cylinder's area, is what gauge
-    pressure read as absolute (or the reverse) looks like; a measured side that is a power of ten times the modelled one
-    is what a wrong unit looks like, :math:`|\log_{10} g - k| < \log_{10} 1.1` with an integer :math:`k \ne 0`.
+    An offset is within 10 % of the ambient pressure (or its force), or a gain g is a power of ten,
+    :math:`|\log_{10} g - k| < \log_{10} 1.1` with an integer :math:`k \ne 0`.
     """
     return _reference(d) or _unit(d)
 

@@ -37,10 +37,7 @@ _AT_A_JOINT = {"N m": "torque", "N": "force"}
 
 
 class Words(NamedTuple):
-    """Names and units of a diagnosis: of ports where its simulator has any, else of a bench.
-
-    `u` is what that simulator calls `u`, and not the command of a valve.
-    """
+    """Names and units of a diagnosis: of its simulator's ports, else of a bench."""
 
     ports: Mapping[str, str] = MappingProxyType({})
     """The unit of each port."""

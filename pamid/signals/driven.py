@@ -32,19 +32,11 @@ def fit_gains(
     method: str = "savgol",
     tuning: str | float = "auto",
 ) -> tuple[np.ndarray, float]:
-    r"""Identify how strongly inputs drive a signal, and how much smoothing the remainder needs.
+    r"""Identify the gains β of held inputs on a signal by maximum likelihood, with H the Kalman/RTS smoother.
 
-    .. math:: \dot y = \sum_j \beta_j\,g_j(t) + s(t), \qquad
-        \hat\beta = \arg\min_\beta\; (y - G\beta)^T (I - H) (y - G\beta)
+    .. math:: \hat\beta = \arg\min_\beta\; (y - G\beta)^T (I - H) (y - G\beta)
 
-    with inputs g that hold from a sample to the next, their integrals G and a smooth remainder s. H is the Kalman/RTS
-    smoother, the posterior mean of a smooth signal in white noise, which makes β the maximum-likelihood estimate;
-    cut-off and β are estimated alternately. The method then smooths the remainder.
-
-    References
-    ----------
-    R. Kohn, C. F. Ansley, "A new algorithm for spline smoothing based on smoothing a stochastic process", SIAM Journal
-    on Scientific and Statistical Computing 8(1), 1987. https://doi.org/10.1137/0908004
+    After R. Kohn, C. F. Ansley, SIAM J. Sci. Stat. Comput. 8(1), 1987. https://doi.org/10.1137/0908004
     """
     clocks = [np.asarray(t, dtype=float) for t in times]
     runs = [np.asarray(y, dtype=float) for y in signals]

@@ -39,10 +39,7 @@ def one_sided_end(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None
 
 
 def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the end at the largest size; where a run begins or ends there, it may just rest.
-
-    A reading with coarse steps stands at every turn of its motion, so at its end it has to stand longer.
-    """
+    """Return the largest end; at the border of a run, or with coarse steps, a reading must stand longer to count."""
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)
     least = max([_IN_A_ROW, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])

@@ -42,11 +42,7 @@ class Header(NamedTuple):
 
 
 def read_header(name: str) -> Header:
-    """Read words, unit and reference from a column's name.
-
-    A unit may stand in brackets of any kind, behind a slash, a comma or "in", or as the last word, behind a blank, an
-    underscore or a change to capitals.
-    """
+    """Read words, unit (in brackets, after a slash, comma or "in", or last) and reference from a column's name."""
     rest, unit, unread, asides = _out_of_brackets(name)
     bracketed = unit is not None or bool(unread)
     if not bracketed:

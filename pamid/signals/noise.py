@@ -31,10 +31,7 @@ def third_differences(x: np.ndarray, at: np.ndarray | None = None) -> np.ndarray
 
 
 def white_noise(differences: np.ndarray) -> float:
-    """Return the standard deviation of white noise from third differences, σ̂ = median(|Δ³y|) / (0.6745 √20).
-
-    Third differences remove a locally quadratic signal, the median removes jumps.
-    """
+    """Return the deviation of white noise from third differences, σ̂ = median(|Δ³y|) / (0.6745 √20)."""
     return median(np.abs(differences)) / _MAD / DIFFERENCE
 
 

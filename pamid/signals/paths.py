@@ -20,12 +20,7 @@ def reversals(x: np.ndarray) -> np.ndarray:
 
 
 def play(x: np.ndarray, width: float, starts: Sequence[int] | np.ndarray = (0,)) -> np.ndarray:
-    r"""Follow a signal with a play of ± ``width``: y stays until x would leave [y − width, y + width].
-
-    .. math:: y_k = \min(\max(y_{k-1}, x_k - w), x_k + w)
-
-    A clip of a clip is a clip, so the steps are combined pairwise, in log₂ n passes over the signal.
-    """
+    r"""Follow a signal with a play of ± w, :math:`y_k = \min(\max(y_{k-1}, x_k - w), x_k + w)`, in log₂ n passes."""
     low, high = x - width, x + width
     first = np.asarray(starts, dtype=int)
     low[first] = high[first] = x[first]
@@ -43,11 +38,7 @@ _DITHER = 3.0
 
 
 def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, width: int) -> np.ndarray:
-    """Return a position without turns that are noise: friction would follow every one of them.
-
-    Each run is smoothed by a parabola over ``width`` samples, which leaves √(2.25 / width) of white noise. Where it
-    still turns often, what moves within the rest is held until it has left it.
-    """
+    """Return a position without noisy turns: a parabola over ``width`` samples, noise √(2.25 / width), then a play."""
     from scipy.signal import savgol_filter
 
     out = np.array(position, dtype=float)

@@ -41,11 +41,7 @@ _MOST_GLITCHES = 0.002  # of the rows: what comes more often may belong to the s
 
 
 def impossible(signal: str, values: np.ndarray, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> np.ndarray:
-    """Return which readings the quantity of a signal cannot take.
-
-    An absolute pressure and a temperature are above 0, a gauge pressure is above -ambient, a contraction ratio below 1,
-    and nothing is beyond `BEYOND`.
-    """
+    """Return which readings the quantity of a signal cannot take, such as pressures below 0."""
     bad = np.abs(values) > BEYOND
     dimension = dimension_of(signal)
     if dimension in ("pressure", "temperature"):
@@ -146,11 +142,7 @@ def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.nda
 
 
 def glitches(values: np.ndarray, runs: Sequence[Rows]) -> np.ndarray:
-    """Return which readings jump away and back within two samples.
-
-    A jump counts if it is 20 times what all but 1 % of the readings do in this way, and 10 times what all but 1 % of
-    the steps from one sample to the next are.
-    """
+    """Return which readings jump away and back within two samples, against those of all but 1 % of the readings."""
     found = np.zeros(len(values), dtype=bool)
     kept = _kept(values, runs)
     series = [values[rows] for rows in kept]
@@ -188,10 +180,7 @@ def _share(n: int) -> float:
 
 
 def _least_level(arrays: list[np.ndarray], largest: float) -> float:
-    """Return what `_level` of the values above 0 does not fall below, from their mean: no value has to be sorted.
-
-    Those above the level are few and at most the largest; the others are at most the level, so their mean is as well.
-    """
+    """Bound `_level` of the positive values from below by their mean, so that no value has to be sorted."""
     n = sum(int(np.count_nonzero(a)) for a in arrays)
     below = int(_share(n) * (n - 1))  # one fewer than it are, so that rounding does not matter
     if below < 1:
@@ -210,12 +199,7 @@ def _there_and_back(y: np.ndarray, width: int) -> np.ndarray:
 
 
 def _far_ends(values: np.ndarray, runs: Sequence[Rows], *, outward: bool) -> np.ndarray:
-    """Return which first and last readings of runs are off: they cannot jump there and back, which gives them away.
-
-    Such a reading lies farther from all the others than these are apart, or leaps from the one beside it by 10 times
-    what all but 1 % of the steps that are any do. Where only leaps `outward` count, a run that begins or ends at rest
-    may leap from there, and a reading that is large beside a small one may not.
-    """
+    """Return which first and last readings of runs are off: far from all others, or a leap from the next one."""
     found = np.zeros(len(values), dtype=bool)
     kept = [(rows, values[rows]) for rows in _kept(values, runs)]
     kept = [(rows, y) for rows, y in kept if len(y) > 2]

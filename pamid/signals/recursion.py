@@ -11,10 +11,7 @@ from scipy.linalg.lapack import dtbtrs
 def recursive(
     drive: np.ndarray, feedback: Sequence[float | np.ndarray], starts: np.ndarray | None = None
 ) -> np.ndarray:
-    r"""Return the recursion of a drive with its own past.
-
-    .. math:: y_k = d_k + \sum_i f_i\, y_{k-i}
-    """
+    r"""Return the recursion of a drive with its own past, :math:`y_k = d_k + \sum_i f_i\, y_{k-i}`."""
     n = len(drive)
     if not n:
         return np.zeros_like(drive, dtype=float)
@@ -35,10 +32,7 @@ def recursive(
 
 
 def past(x: np.ndarray, keep: float | np.ndarray, starts: np.ndarray) -> np.ndarray:
-    r"""Return the exponentially weighted past of a signal, which begins at its first value.
-
-    .. math:: y_k = (1 - f)\, x_k + f\, y_{k-1}
-    """
+    r"""Return the exponentially weighted past, :math:`y_k = (1 - f)\, x_k + f\, y_{k-1}`, from the first value."""
     drive = (1.0 - keep) * x
     drive[starts] = x[starts]
     return recursive(drive, [keep], starts)

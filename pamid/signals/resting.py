@@ -21,11 +21,7 @@ range (``scipy.stats.studentized_range.sf(8, 100, inf)``)."""
 
 
 def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
-    """Return the rows in which a position rests that moves elsewhere.
-
-    It rests where it changes by no more than its noise over `DURATION`, if that is less than `SLOW` of what the fastest
-    motion takes it in that time. Where noise hides so little motion, nothing counts as rest.
-    """
+    """Return the rows in which a moving position rests: it changes by no more than its noise over `DURATION`."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     n = max(ROWS, round(DURATION / dt))

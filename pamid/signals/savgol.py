@@ -12,12 +12,7 @@ SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (
 
 
 def window_of(cutoff: float, n: int | None = None) -> int:
-    """Convert a cut-off frequency to a window length.
-
-    Notes
-    -----
-    Schafer's f_c ≈ (N + 1) / (3.2 M − 4.6), in half-cycles per sample, for degree N and window 2 M + 1.
-    """
+    """Convert a cut-off frequency to a window 2 M + 1 of degree N: Schafer's f_c ≈ (N + 1) / (3.2 M − 4.6)."""
     half = round(((DEGREE + 1) / (2.0 * cutoff) + 4.6) / 3.2)
     window = 2 * max(half, 2) + 1
     return window if n is None else min(window, n - (n + 1) % 2)

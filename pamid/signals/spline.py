@@ -23,12 +23,9 @@ def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
 
 
 def smooth(y: np.ndarray, cutoff: float, t: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Smooth and differentiate; the unit of time is the mean step.
+    """Smooth and differentiate by Reinsch's equations (R + λ Qᵀ Q) γ = Qᵀ y, z = y − λ Q γ, in O(n), per mean step.
 
-    Notes
-    -----
-    Reinsch's equations (R + λ Qᵀ Q) γ = Qᵀ y, z = y − λ Q γ with five bands, solved by Cholesky in O(n). A natural
-    spline has no curvature at its ends; unpenalised functions (1 − s/w)³ and (1 − s/w)⁴ from each end give it back.
+    Unpenalised (1 − s/w)³ and (1 − s/w)⁴ at each end restore the curvature that a natural spline lacks there.
     """
     from scipy.linalg import cholesky_banded
 
@@ -91,10 +88,7 @@ def _rates(value: np.ndarray, curvature: np.ndarray, h: np.ndarray) -> tuple[np.
 
 
 def _end_functions(t: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The four functions that carry curvature and its slope at the ends, with their derivatives.
-
-    A width of two periods of the cut-off gave the least error at the ends over sines, noises and cut-offs.
-    """
+    """Return the four end functions of curvature and slope, two periods of the cut-off wide, with their derivatives."""
     width = min(2.0 / max(cutoff, _LOWEST), 0.5 * (t[-1] - t[0]))
     if width < 6.0:
         return None

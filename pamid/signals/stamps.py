@@ -16,12 +16,7 @@ _FORMATS = (*_TIMES, *(f"{date} {time}" for date in _DATES for time in _TIMES))
 
 
 def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
-    """Turn stamps of date and time into seconds from the first.
-
-    ISO 8601 comes first, then the local forms with points, slashes and names of months, and times of day, which go on
-    past midnight. Where day and month could be either, the reading that makes the log shorter is taken: only
-    differences count.
-    """
+    """Convert stamps of date and time (ISO 8601, local forms, times of day) to seconds from the first."""
     import pandas as pd
 
     if pd.api.types.is_datetime64_any_dtype(column):

@@ -22,11 +22,7 @@ def equal_stretches(x: np.ndarray, codes: np.ndarray | None = None) -> list[tupl
 def stuck_rows(
     x: np.ndarray, moves: Callable[[int, int], bool], codes: np.ndarray | None = None, *, longer_than: int | None = None
 ) -> np.ndarray:
-    """Return the rows in which a reading repeats one value for long while something else moves.
-
-    By default a stretch is long that lasts more than 20 rows and more than ten times the median stretch, and a signal
-    that never changes, or has fewer than 50 rows, counts as constant rather than stuck.
-    """
+    """Return the rows in which a reading repeats one value for long while something else moves."""
     out = np.zeros(len(x), dtype=bool)
     if longer_than is None and (len(x) < 50 or np.nanmax(x) == np.nanmin(x)):
         return out

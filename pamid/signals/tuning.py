@@ -30,14 +30,7 @@ class Spectrum(NamedTuple):
 
 
 def spectrum(y: np.ndarray, sigma: float | None = None, ends: int = 5) -> Spectrum:
-    """Take the sine spectrum of a signal less the cubic that meets its value and curvature at both ends.
-
-    Notes
-    -----
-    The odd continuation of what is left is smooth at both ends, so its spectrum holds no power that only the ends
-    make: the coefficients of a sine series fall as ω⁻³ where the values vanish at the ends, and as ω⁻⁵ where the
-    curvature does too.
-    """
+    """Return the sine spectrum of a signal less the cubic that meets its value and curvature at both ends."""
     from scipy.fft import dst
 
     y = np.asarray(y, dtype=float)
@@ -85,11 +78,7 @@ def _end_cubic(y: np.ndarray, ends: int) -> np.ndarray:
 
 
 def _without_chance(power: np.ndarray, count: np.ndarray, variance: float) -> np.ndarray:
-    """Replace the power by that of the noise in bands where nothing else is seen.
-
-    The derivative weighs high frequencies, where chance alone would decide; a band counts as signal where its power
-    is four standard errors and a tenth above the noise.
-    """
+    """Replace the power by that of the noise in bands less than four standard errors and a tenth above it."""
     m = len(power)
     bands = np.unique(np.concatenate([np.arange(min(16, m)), np.geomspace(16, max(m, 17), 60).astype(int)]))
     bands = bands[bands < m]
@@ -100,13 +89,9 @@ def _without_chance(power: np.ndarray, count: np.ndarray, variance: float) -> np
 
 
 def derivative_risk(s: Spectrum, g: np.ndarray) -> float:
-    """Estimate the squared error of the rate that a smoother of a gain gives, up to a constant.
+    """Estimate the squared error of a smoother's rate: Stein's unbiased Σ ω² (G² |Y|² − 2 G (|Y|² − σ²)) + const.
 
-    Notes
-    -----
-    With the power |Y|² of the signal and noise of variance σ², an unbiased estimate of
-    Σ ω² |G Y − S|² is Σ ω² (G² |Y|² − 2 G (|Y|² − σ²)) + const: Stein's unbiased risk estimate for a linear
-    smoother (DOI 10.1214/aos/1176345632), taken for the derivative.
+    C. M. Stein, The Annals of Statistics 9(6), 1981. https://doi.org/10.1214/aos/1176345632
     """
     return float(np.sum(s.omega**2 * (g * g * s.power - 2 * g * (s.power - s.number * s.variance))))
 

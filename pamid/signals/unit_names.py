@@ -119,13 +119,7 @@ _SIGNS = str.maketrans("μ²³·⋅−–—º˚⁻¹", "µ23**---°°-1")
 
 
 def unit_name(text: str, dimension: str | None = None) -> str | None:
-    """Return the name under which `pamid.signals.UNITS` holds a unit that somebody has written.
-
-    Spelling follows the table first, letter by letter (``mN`` and ``MN`` differ), then without regard to case, blanks
-    and powers (``N/mm²``, ``L/MIN``, ``Grad``, ``bar (abs)``). A closed list is kept rather than a grammar of prefixes:
-    in a header ``cell`` or ``Pos`` must not become a unit by chance, and gauge pressure, normal litres and German words
-    are what general libraries of units lack.
-    """
+    """Return the name in `pamid.signals.UNITS` of a written unit, from a closed list: exact spelling first."""
     text = text.strip().translate(_SIGNS).replace("Â", "").replace("℃", "°C")
     found = _plain(text)
     if found is None and (match := _REFERENCE.match(text)):

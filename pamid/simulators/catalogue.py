@@ -234,10 +234,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
 
 
 def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float, fastest: float) -> type[Effect]:
-    """Return an overflow whose level lies within the log's range: below it, it would be a plain leak.
-
-    Nor is it faster than a sample, which no step could follow.
-    """
+    """Return an overflow whose level lies within the log's range, and which is no faster than a sample."""
     low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
     changed = []
     for p in effect.parameters:

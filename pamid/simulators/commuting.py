@@ -58,10 +58,7 @@ def rests(simulator: Simulator, t: np.ndarray, u: np.ndarray, driven: Collection
 
 
 def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str], alone: bool) -> dict[str, str]:
-    """Return the effects at ports that are equivalent on linear paths, each by the other's name.
-
-    Gains are, where inputs move the simulator alone.
-    """
+    """Return the effects at ports that are equivalent on linear paths, each by the other's name."""
     found = {}
     for entry, reading in paths.items():
         for word in LINEAR if alone else LINEAR[1:]:

@@ -22,11 +22,7 @@ _NOTHING: Any = Surroundings()
 
 @cache
 def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
-    """Return for each parameter of an effect the power of a signal's unit in it.
-
-    With the signal scaled by a factor and every parameter by that power of it, the effect does the same: it adds the
-    same force, or changes a command or a reading by the same share.
-    """
+    """Return the power of the signal's unit in each parameter of an effect, so that both scale together."""
     if hook == "force" and effect.site == "joint":  # an angle is an angle
         return dict.fromkeys((p.name for p in effect.parameters), 0)
     if hook == "force":

@@ -24,13 +24,7 @@ class FailedStepError(RuntimeError):
 
 
 class Stepper:
-    """A co-simulation FMU of FMI 2 or 3, kept loaded.
-
-    Raises
-    ------
-    LookupError
-        It is not such an FMU, or a variable is not an 8-byte real: leave the run to fmpy.
-    """
+    """A co-simulation FMU of FMI 2 or 3, kept loaded; raises LookupError for what fmpy must run."""
 
     def __init__(self, folder: str, inputs: Sequence[str], outputs: Sequence[str]) -> None:
         import fmpy

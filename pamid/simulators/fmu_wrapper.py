@@ -32,10 +32,7 @@ _GASES = ("Pa", "hPa", "kPa", "bar", "MPa")
 
 
 def wrapped(simulator: FmuSimulator, compiler: str | None = None) -> bytes:
-    """Return an FMU wrapped with a simulator's effects and parameters.
-
-    The original lies inside, with its binary for this machine; the wrapper passes all calls on.
-    """
+    """Return an FMU that wraps the original with a simulator's effects and parameters."""
     with zipfile.ZipFile(simulator.path) as archive:
         if sum(i.file_size for i in archive.infolist()) > MOST_UNPACKED:
             raise ExportError(f"{simulator.path.name} unpacks to too many bytes.", "an FMU", "Check it.")

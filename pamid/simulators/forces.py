@@ -27,14 +27,9 @@ class ForcePerInput(NamedTuple):
 def force_per_input(
     simulator: Simulator, joint: JointPort, t: np.ndarray, x: np.ndarray, u: np.ndarray
 ) -> ForcePerInput | None:
-    r"""Return the force of one unit of the input that drives a joint; None where no parameter is the mass.
+    r"""Return the force per unit of a joint's input, :math:`F/u = m\,\partial\dot v/\partial u`; None without a mass.
 
-    A parameter m is the mass of the joint if it has that unit and all influences on the velocity's rate, or that of the
-    input, are inversely proportional to it. Then
-
-    .. math:: F/u = m\,\partial\dot v/\partial u
-
-    Where no input drives the joint, a force there is said as the acceleration that it gives, and m is the factor.
+    The mass m is a parameter of that unit to which all influences on the velocity's rate are inversely proportional.
     """
     if simulator.form != "ode" or not joint.velocity:
         return None

@@ -124,10 +124,7 @@ def column_of(
 
 
 def places_of(ports: Sequence[Port], driven: Set[str]) -> tuple[list[Place], frozenset[str]]:
-    """Return ports as they may appear in a log, and the words of quantities that alone tell some of them apart.
-
-    Beside `F_drive` the load names `F_load`; a word of an effort is no name elsewhere.
-    """
+    """Return ports by their possible log names, and the words of quantities that alone distinguish some of them."""
     bare = [_place(p, p.name in driven) for p in ports]
     found = []
     for place in bare:

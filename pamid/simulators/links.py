@@ -307,10 +307,7 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
 
 
 def _lever(rows: Sequence[Any], said: float | None) -> float | None:
-    """Return the ratio of the travels of two ends, from their influence on both rates; None where none fits.
-
-    A connection of an end to ground makes its own slope larger: the ratio lies between the values of both ends.
-    """
+    """Return the ratio of the travels of two ends, from their influence on both rates; None where none fits."""
     here, there, own, other = rows[0]
     low = float(np.median(-here / own)) if own is not None else 0.0
     high = float(np.median(-other / there)) if other is not None else np.inf
@@ -364,10 +361,7 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
 
 
 def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
-    """Return whether a speed fills one chamber and empties the other, which push it in opposite directions.
-
-    The intake of a gas grows with its pressure: two gases exchange mass, which this does not give.
-    """
+    """Return whether a speed fills one chamber and empties the other, with opposite forces of both."""
     found = [known.of(a, b) for a, b in ((first, piston), (second, piston), (piston, first), (piston, second))]
     if any(f is None for f in found):
         return False
@@ -387,11 +381,7 @@ def _gas(known: Slopes, level: str, piston: str) -> bool:
 
 
 def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple[float, float, str]:
-    """Return the rates at both ends, SI, by one unit of force or flow, and that unit.
-
-    The first responds `weight` times as much as the second. Without a mass parameter, the unit changes the first rate
-    by one.
-    """
+    """Return both ends' rates, SI, by one unit of force or flow, the first weighted, and that unit."""
     first, second = ends
     for own, other, share in ((first, second, 1.0), (second, first, weight)):
         for by in dict.fromkeys((other.across, other.state)):

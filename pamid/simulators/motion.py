@@ -13,11 +13,7 @@ _PARTS = 200
 
 
 def rate_between(t: np.ndarray, position: np.ndarray, velocity: np.ndarray) -> tuple[float, float]:
-    """Return how far one channel is the derivative of another.
-
-    The change of a position over a window is compared with the integral of the velocity over it; nothing is
-    differentiated, so noise of single samples hardly counts.
-    """
+    """Return how far one channel is another's derivative: its change over a window against their integral."""
     known = np.isfinite(t) & np.isfinite(position) & np.isfinite(velocity)
     t, x, v = t[known], position[known], velocity[known]
     k = max(len(t) // _PARTS, 1)

@@ -63,10 +63,7 @@ def _complicate(m: Any, k: int) -> None:
 
 
 def hands(m: Any) -> list[int]:
-    """Return the bodies that a payload is likely on: the ends of chains, and what holds a finger.
-
-    A body that turns about its own middle is a flange: what it carries there is the same to the body before.
-    """
+    """Return the bodies that a payload is likely on: ends of chains and what holds a finger, not flanges."""
     ends = {k for k in range(1, m.nbody) if m.body_jntnum[k]}
     for k in list(ends):
         ends.discard(_holder(m, k))

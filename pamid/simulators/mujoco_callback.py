@@ -32,11 +32,7 @@ class _Remembered:
         self._within = False
 
     def memory(self, s: Signals, time: float, step: float) -> Any:
-        """Return the memory at a time; an earlier time than the last one restarts it, the same one takes in news.
-
-        A delay takes in one command per step: Runge and Kutta's method also asks within a step and, before there is a
-        new command, at its end.
-        """
+        """Return the memory at a time; an earlier time restarts it, and a delay takes one command per step."""
         since = time - self._now[0]
         if since > 0.0 and isinstance(self.effect, TransportDelay):
             within, before = since < (1.0 - _ROUND) * step, self._within

@@ -26,12 +26,7 @@ def _of_fourth_order(integrator: Any) -> bool:
 
 
 def taken_delays(m: Any) -> dict[int, float]:
-    """Return by how much a model delays each command, s, and take the delays from it.
-
-    pamid's states have no history of commands: a delay is an effect. MuJoCo 3.5 and newer keep the last ``nsample``
-    commands, one per step, and read from them at ``time - delay``, held or by straight lines (``interp``); the latest
-    of them is the one of the step before. A history begins with zeros.
-    """
+    """Return how much a model delays each command, s, and remove the delays, which pamid treats as effects."""
     if not keeps_commands():
         return {}
     delays, step = m.actuator_delay, float(m.opt.timestep)
@@ -47,12 +42,7 @@ def taken_delays(m: Any) -> dict[int, float]:
 
 
 def put_delay(actuator: Any, seconds: float, option: Any) -> bool:
-    """Write a delay into an actuator of a model as it is written; return whether MuJoCo can express it.
-
-    Held, a delay would be rounded up to whole steps. By straight lines between commands, any delay of at least a step
-    is exact, as pamid shares a period between two commands. Runge and Kutta's method reads up to a step ahead, half a
-    step in the mean, which is added here: it acts to within a few hundredths of a step.
-    """
+    """Write a delay into an actuator, half a step longer for Runge–Kutta; return whether MuJoCo can express it."""
     step, fourth_order = float(option.timestep), _of_fourth_order(option.integrator)
     ahead = 0.5 * step if fourth_order else 0.0
     long = step + ahead <= seconds + _ROUND * step < _MOST * step
@@ -64,11 +54,7 @@ def put_delay(actuator: Any, seconds: float, option: Any) -> bool:
 
 
 def put_range(actuator: Any, limit: float, m: Any, k: int, gain: float) -> bool:
-    """Write a saturation of a command into actuator k as it is written; return whether it is one of MuJoCo's.
-
-    Where the actuator has a range already, a command is within both, or, where a gain that acts after them has been
-    written, within the narrower one if it is so before and after the gain.
-    """
+    """Write a command's saturation within an actuator's own range, also past a gain; return whether MuJoCo has one."""
     import mujoco
 
     if m.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL) or len(m.actuator_gaintype) != m.nu:

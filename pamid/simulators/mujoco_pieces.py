@@ -35,17 +35,7 @@ Ask = Callable[[np.ndarray, np.ndarray, np.ndarray, int, Callable[[], np.ndarray
 
 
 class Pieces:
-    """Accelerations of a model at many instants, as functions of its inputs.
-
-    Parameters
-    ----------
-    m, d : mujoco.MjModel, mujoco.MjData
-        The model.
-    ask : callable
-        Evaluates the model at many instants, see `Ask`.
-    x, u, p : array
-        States, inputs and parameters at these instants, a column each.
-    """
+    """Accelerations of a model at many instants (a column each), as functions of its inputs, see `Ask`."""
 
     def __init__(self, m: Any, d: Any, ask: Ask, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
         import mujoco as mj

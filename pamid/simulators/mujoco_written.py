@@ -24,10 +24,7 @@ Found = tuple[str, str, dict[str, float]]
 
 
 def written(simulator: Any, actuators: Mapping[str, str]) -> tuple[str, list[Found]]:
-    """Return a MuJoCo model as MJCF, and the effects that MJCF has no element for.
-
-    `actuators` are the inputs that its actuators are, with the names that they have there.
-    """
+    """Return a MuJoCo model as MJCF with `actuators` renamed, and the effects that MJCF has no element for."""
     spec, shown, m = spec_of(simulator.path), simulator.in_elements(), simulator.compiled()
     for name, parameter in shown.parameters.items():
         kind, _, thing = name.partition(".")
@@ -61,10 +58,7 @@ def written(simulator: Any, actuators: Mapping[str, str]) -> tuple[str, list[Fou
 
 
 def _put_command(actuator: Any, mine: Sequence[Found], m: Any, k: int, gain: float) -> list[Found]:
-    """Write what acts on a command into its actuator as it is written, and return it.
-
-    Delays may act after anything else; a saturation is written where nothing else acts after it.
-    """
+    """Write the effects on a command into its actuator and return them: delays, and a saturation that acts last."""
     delays, limits, put = [e for e in mine if e[0] == "actuator_delay"], list[Found](), list[Found]()
     if delays and put_delay(actuator, sum(e[2]["delay"] for e in delays), m.opt):
         put += delays

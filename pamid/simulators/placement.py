@@ -106,11 +106,7 @@ class Placement:
         return found
 
     def made(self, values: Mapping[str, float]) -> Effect:
-        """Return the effect with values in the units of the port, however large they are.
-
-        Bounds in those units follow from the sizes in a log and limit a search; signs, and ranges of dimensionless
-        parameters, hold everywhere.
-        """
+        """Return the effect with values in the port's units; log-dependent bounds limit a search only."""
         out, named = self.effect(), f"{self.name} at {self.port}"
         for p in self.effect.parameters:
             if p.name not in values:
@@ -190,11 +186,7 @@ class Placement:
         self, made: Effect, force: Any, simulator: Simulator,
         at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], u: np.ndarray, added: np.ndarray,
     ) -> None:  # fmt: skip
-        """Apply a force or flow to an input `u`, or to rates `added`, in place.
-
-        A loss may be another state's gain; effects between two ports act on both. `at` are times, states,
-        inputs and parameters, shape (n_parameters, n).
-        """
+        """Apply a force or flow to `u` or to rates `added`, in place; `at`: times, states, inputs, parameters."""
         if self.link is not None:
             self.link.push(force, simulator, at, u, added)
         elif self.enters == "input":

@@ -74,10 +74,7 @@ class PortLog:
         return np.logical_or.reduce([np.zeros(self.n, dtype=bool), *self.gaps.values()])
 
     def missed(self, name: str) -> np.ndarray:
-        """Return the possible interpolation error of a channel at each row: 0 where it was read.
-
-        It is estimated from readings between two others: their distance from the line.
-        """
+        """Return the possible interpolation error of a channel at each row: 0 where it was read."""
         out, gap = np.zeros(self.n), self.gaps.get(name)
         if gap is None:
             return out
@@ -90,11 +87,7 @@ class PortLog:
         return out
 
     def hidden(self, n: int) -> np.ndarray:
-        """Return the lost rows that interpolation cannot replace in windows of n samples.
-
-        Windows are short beside the fastest motion, a sixth of its period and less; over a quarter of one a sine leaves
-        its chord by no more than 1 % of its amplitude. So does a mean of as many rows without those of such a gap.
-        """
+        """Return the lost rows that interpolation cannot replace in windows of n samples."""
         lost = self.lost
         edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
         out = np.zeros(len(lost), dtype=bool)

@@ -131,10 +131,7 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
 def _exchanged(
     simulator: Simulator, rate: Callable[[np.ndarray], np.ndarray], u: np.ndarray, whole: np.ndarray, seen: np.ndarray
 ) -> str:
-    """Return a sentence on two inputs of one unit whose columns, exchanged, move every state as it is seen to move.
-
-    `whole` are the rates under the inputs as they are.
-    """
+    """Return a sentence on two inputs of one unit whose columns, exchanged, move every state as it is seen to move."""
     names = simulator.inputs
     pairs = [
         (i, j)
@@ -204,10 +201,7 @@ def _option(port: Port, how: str) -> str:
 
 
 def _units(unit: str, times: float, within: float) -> list[str]:
-    """Return the units, two at most, whose readings times a factor are in the unit of a port, the nearest first.
-
-    Of a port whose unit nobody knows, no unit is likelier than another.
-    """
+    """Return at most two units whose readings times a factor are in a port's unit, the nearest first."""
     own = UNITS.get(unit_name(unit) or "") if unit not in ("", "-") else None
     if own is None:
         return []

@@ -104,9 +104,7 @@ class Slopes:
         return bool(np.mean(np.abs(ratio - middle) <= SAME * abs(middle)) > MOSTLY)
 
     def mass(self, state: str, by: str) -> tuple[float, str] | None:
-        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of the flow there. Slopes
-        of the rate are inversely proportional to it.
-        """
+        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of the flow there."""
         plain = self.of(state, by)
         if plain is None:
             return None

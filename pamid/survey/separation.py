@@ -55,11 +55,7 @@ class Separation:
 
 
 def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
-    """Return what a log says about each effect, and the run that would distinguish most of the others.
-
-    Each effect is added to the simulator at its typical size; what the parameters within their tolerances explain is
-    taken off, and then what each other effect of any size explains.
-    """
+    """Return how separable each effect of typical size is on a log, and the run that would distinguish most others."""
     from ..gap.residuals.bench import Evidence
 
     evidence = Evidence(log.whole(_MOST_ROWS), params)

@@ -190,10 +190,7 @@ class Joint(System):
     def _nominal(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, drive: np.ndarray, usable: np.ndarray
     ) -> tuple[np.ndarray, str, dict[str, float]]:
-        """Return inertia and gravity on every row, what is said of them, and the joint with their numbers.
-
-        Friction stands beside them in the fit and is then left out.
-        """
+        """Return inertia and gravity on every row, a sentence on them, and the joint with their fitted numbers."""
         columns = {"level": np.cos(q), "inertia": ddq, "gravity": np.sin(q), "offset": np.ones(len(q))}
         given = {name: self.number(name) for name in columns if self.values[name] != FIT}
         known = sum((value * columns[name] for name, value in given.items()), np.zeros(len(q)))

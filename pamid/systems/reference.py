@@ -24,12 +24,9 @@ _FAR = 3.0  # times: units are off by 9.8 and more, shapes of muscles by less
 
 
 def zero_of_force(log: pd.DataFrame, zeros: Sequence[float] = (0.0, ATMOSPHERIC_PRESSURE)) -> float | None:
-    r"""Say at which reading of the pressure the force vanishes.
+    r"""Return the pressure at which the force vanishes, :math:`F = (P - P_0)\,a(\varepsilon)` plus friction, or None.
 
-    The force of a muscle or a cylinder is proportional to the gauge pressure, :math:`F = (P - P_0)\,a(\varepsilon)`,
-    beside friction, whose sign is that of the motion. Each candidate of :math:`P_0` is fitted, with a free
-    :math:`a` (quadratic in the contraction, constant for a cylinder) and friction with a part that grows with the
-    pressure; one is believed if it leaves little and every other several times as much.
+    A candidate counts if it leaves little, and every other several times as much.
     """
     position = next((name for name in ("eps", "x") if name in log.columns), None)
     if position is None or not {"P", "F"} <= set(log.columns):

@@ -181,11 +181,7 @@ class HostGradient:
 
     @contextmanager
     def alone(self) -> Iterator[None]:
-        """Keep the thread pools of numpy and of torch at one thread each.
-
-        Calls of both alternate within microseconds, and each library's idle threads would hold the cores that the
-        other one needs: a step then takes ten times as long.
-        """
+        """Keep the thread pools of numpy and of torch at one thread each: idle threads of one would slow the other."""
         with self._controller.limit(limits=1):
             yield
 

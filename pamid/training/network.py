@@ -79,10 +79,7 @@ def initial_parameters(
 
 @dataclass
 class Tape:
-    """What a forward pass leaves behind for the adjoints.
-
-    Value and derivative lie in one tensor, so that a product with a weight matrix serves both.
-    """
+    """Intermediate values of a forward pass for the adjoints, value and derivative in one tensor."""
 
     y: Tensor
     """Prediction a V + ∂_d V, shape (n_samples,)."""
@@ -181,14 +178,10 @@ def jacobian_product(adjoint: list[Tensor], tape: Tape, v: Parameters) -> Tensor
 
 
 def gram(adjoint: list[Tensor], tape: Tape, trainable: Sequence[bool] | None = None) -> Tensor:
-    r"""Return the Gram matrix :math:`J J^T`, shape (n_samples, n_samples), without the whole of J.
-
-    The gradient of one prediction with respect to a weight matrix is a sum of two outer products, so a layer adds
+    r"""Return the Gram matrix :math:`J J^T`, shape (n_samples, n_samples): the sum over layers below.
 
     .. math:: (g g^T) \circ (h h^T + 1) + (\dot g \dot g^T) \circ (\dot h \dot h^T) + M + M^T,
         \qquad M = (g \dot g^T) \circ (h \dot h^T).
-
-    A layer of few inputs or outputs has a Jacobian no larger than its activations, and is quicker by it.
     """
     n = tape.y.shape[0]
     out = torch.zeros((n, n), dtype=tape.y.dtype, device=tape.y.device)

@@ -37,14 +37,9 @@ def choose_weight_decay(
     trajectories: np.ndarray,
     random_state: np.random.RandomState,
 ) -> float:
-    r"""Return the pull of the maximum a posteriori, with the error that the best held-out prediction leaves as noise.
+    r"""Return the weight decay :math:`\lambda = e/(n\,\tau^2)`, e the least held-out error of `STRENGTHS`, τ = `MOVE`.
 
-    .. math:: \lambda = \frac{e}{n\,\tau^2}
-
-    with n samples, e the least held-out error among `STRENGTHS`, in units of the target's variance, and τ = `MOVE`. On
-    a fold, the linearised adaptation by the other samples predicts
-
-    .. math:: r_\mathrm{out} - K_\mathrm{out,in} (K_\mathrm{in,in} + \lambda I)^{-1} r_\mathrm{in}
+    Linear folds leave :math:`r_\mathrm{out} - K_\mathrm{out,in} (K_\mathrm{in,in} + \lambda I)^{-1}r_\mathrm{in}`.
     """
     n = len(problem)
     if n > ROWS:
@@ -93,10 +88,7 @@ def held_out_residuals(
     blocks: np.ndarray,
     weight_decay: float,
 ) -> np.ndarray:
-    r"""Return what the linearised adaptation leaves of each block when it is adapted to all others.
-
-    The formula is that of `pamid.fitting.held_out`, with :math:`A = K + \lambda I`.
-    """
+    """Return the residual that the linearised adaptation to all other blocks leaves of each block."""
     K, r, root = _linearised(problem, psi, activation, adapter)
     if not psi or not np.isfinite(weight_decay):
         return np.asarray(r / root)

@@ -12,8 +12,7 @@ from .network import Parameters, Tape, gram
 class Reparametrisation(Protocol):
     r"""A map :math:`\theta = e(\psi)` with its derivative :math:`E = \partial\theta/\partial\psi`, both ways.
 
-    A trainer that is given one trains psi. First-order trainers need `pullback` alone, Gauss–Newton ones also
-    `pushforward` and `gram`. Lists of tensors are never altered.
+    First-order trainers need `pullback` alone, Gauss–Newton ones also `pushforward` and `gram`.
     """
 
     def expand(self, psi: Parameters) -> Parameters:

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -19,6 +20,7 @@ sys.path.append(str(ROOT))
 from benchmarks.damaged_streams import BENCH, BLIND, SEEN, even, muscle, outcome, uneven  # noqa: E402
 from pamid.cli import main  # noqa: E402
 from pamid.online.lines import lines  # noqa: E402
+from pamid.online.sight import Sight  # noqa: E402
 from pamid.online.stream import Samples  # noqa: E402
 
 
@@ -33,6 +35,12 @@ def test_a_leak_is_found_or_said_why_not(name, tmp_path, monkeypatch):
     # The run that would confirm takes ten times as long as the watch; one is designed in test_online.py.
     monkeypatch.setattr("pamid.gap.design.confirm.confirming", lambda *args, **options: None)
     check(name, tmp_path)
+
+
+def test_sight_says_which_unit_is_doubtful():
+    t = np.arange(1000) * 1e-3
+    table = {"time": t, "eps": 0.1 + 0 * t, "P": 3.0 + np.sin(t), "F": np.cos(t)}  # the pressure in bar
+    assert Sight(["F", "mdot"], 1e-3).look(table) == "P reaches 3.84: that looks like bar; expected Pa, absolute."
 
 
 def test_the_corpus_is_large():

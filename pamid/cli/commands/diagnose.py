@@ -184,11 +184,7 @@ def write(
     step: Callable[[str], None] | None = None,
     log: pd.DataFrame | None = None,
 ) -> list[Path]:
-    """Write report, diagnosis and simulator into a folder, all of them or none.
-
-    A corrected simulator that cannot be made, loaded and run is left out, and is tried on `log`; the diagnosis's notes
-    tell what came of it.
-    """
+    """Write report, diagnosis and corrected simulator into a folder, all of them or none."""
     from ...report import report_html
 
     with replacing_together(folder, FILES) as stage:

@@ -211,10 +211,7 @@ def _inputs(features: Any, estimator: Any) -> list[str]:
 
 
 def _blocks(runs: Any) -> Any:
-    """Return a tenth of a run for each row: within it residuals may depend on each other, as friction's do.
-
-    Standard errors over such blocks are those of batch means; rows taken as independent make them many times too small.
-    """
+    """Number tenths of runs, within which residuals are correlated: standard errors over them are batch means."""
     place, rows = runs.groupby(runs, sort=False).cumcount(), runs.map(runs.value_counts())
     return (runs.astype(str) + "/" + (_BLOCKS * place // rows).astype(str)).to_numpy()
 

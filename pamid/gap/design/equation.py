@@ -73,10 +73,7 @@ class EquationRig(PortInputs):
 def next_for_equation(
     rivals: Sequence[Rival], evidence: SignalEvidence, *, designs: int = 30, seed: int = 0
 ) -> NextExperiment | None:
-    """Return the run that best distinguishes the two likeliest explanations of one equation.
-
-    Each signal that is driven is held, or moves as a sine, within what the log has visited.
-    """
+    """Return the run within the log's range that best distinguishes the two likeliest explanations of one equation."""
     log = evidence.log
     seconds = round(log.usual_seconds, 9)
     if len(rivals) < 2 or round(seconds / log.dt) < 50:

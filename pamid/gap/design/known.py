@@ -141,10 +141,7 @@ def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.G
 
 
 def _allowed(logs: Sequence[Evidence], fit: Fit, step: np.ndarray, now: float, price: float) -> Draw:
-    """Return a fit moved by a step, or by a part of it: as far as bounds and the logs allow.
-
-    The posterior is Gaussian only about the fit; a step along which the logs lose more does not belong to it.
-    """
+    """Return a fit moved along a step as far as bounds and the logs' likelihood allow."""
     slots, m = _slots(logs, fit), len(fit.x)
     value = np.array([fit.spec[name][p.name] for name, p in slots])
     end = np.array([p.upper if d > 0.0 else p.lower for d, (_, p) in zip(step[m:], slots, strict=True)])
@@ -182,11 +179,7 @@ class Unsure(Protocol):
 
 
 def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
-    r"""Return what removes the unknown clocks and offsets of a log from its residuals.
-
-    They are integrated out: with N their effect per tolerance and :math:`\tau` the precision of their prior, rows
-    are whitened by the covariance :math:`I + N N^\top / \tau`.
-    """
+    r"""Return a function that integrates out unknown clocks and offsets N: it whitens by :math:`I + N N^\top/\tau`."""
     N, parts = evidence.nuisances / np.sqrt(TOLERANCE), []
     for run in np.unique(evidence.block) if apart else [None]:
         rows = np.arange(len(N)) if run is None else np.flatnonzero(evidence.block == run)

@@ -163,10 +163,7 @@ def plan_port_run(
     seed: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Plan:
-    """Return the runs of a simulator with ports that best discriminate between explanations.
-
-    Inputs move within what the logs have visited unless limits are given, and readings are kept within twice that.
-    """
+    """Return the runs of a simulator with ports that best discriminate between explanations."""
     from threadpoolctl import threadpool_limits
 
     say = progress or (lambda _: None)

@@ -75,10 +75,7 @@ def over_labels(label: np.ndarray, information: np.ndarray, score: np.ndarray) -
 
 
 def over_stretches(evidence: ResidualSource, information: np.ndarray, score: np.ndarray) -> Agreement:
-    """Return how well stretches of a log with equal information agree on a factor, runs concatenated.
-
-    An effect that acts in a part of one run only is tested there, in pieces, and not in runs without information.
-    """
+    """Return how well stretches of equal information, runs concatenated, agree on a factor."""
     order = np.lexsort((evidence.time, evidence.block))
     told = np.cumsum(information[order])
     label = np.empty(len(order), dtype=int)

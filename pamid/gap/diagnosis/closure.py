@@ -19,10 +19,7 @@ LEAST_LEFT, WIDEST = 1e-7, 2.0
 
 
 class Clusters:
-    """A fit with the runs as units: refits without each of them, and intervals of its parameters.
-
-    The fit is taken to first order about its solution, so that leaving a run out costs one small linear solve.
-    """
+    """A fit with the runs as units: refits without each run, to first order, and intervals of its parameters."""
 
     def __init__(self, fitter: Fitter, fit: Fit) -> None:
         evidence = fitter.evidence
@@ -70,11 +67,9 @@ class Clusters:
         return out
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
-        r"""Return the effects' parameters with 90 % intervals: the jackknife over runs, and what tolerances leave open.
+        r"""Return the effects' parameters with 90 % intervals: the jackknife over runs plus the tolerances' covariance.
 
-        A tolerance has one value on all runs, which a jackknife over them cannot show. With H the information of all
-        runs, that of the prior :math:`\Lambda` included, a true value apart from the prior's centre shifts the fit by
-        :math:`H^{-1}\Lambda` times as much, whose covariance is :math:`H^{-1}\Lambda H^{-1}`.
+        With H the information and :math:`\Lambda` the prior's, that covariance is :math:`H^{-1}\Lambda H^{-1}`.
         """
         from scipy.special import ndtri, stdtrit
 
@@ -150,14 +145,9 @@ def closures(
 
 
 def _rescaled(ci: Interval, point: float, n: int) -> Interval:
-    """Return an interval of a share closed with the bootstrap's small-sample variance corrected, n / (n − 1).
+    """Rescale the log interval of a share closed by the bootstrap's small-sample correction n / (n − 1).
 
-    It is done on the logarithm of the share left, which is what differs by factors from run to run.
-
-    References
-    ----------
-    J. N. K. Rao, C. F. J. Wu, "Resampling inference with complex survey data", Journal of the American Statistical
-    Association 83(401), 1988. https://doi.org/10.1080/01621459.1988.10478591
+    J. N. K. Rao, C. F. J. Wu, JASA 83(401), 1988. https://doi.org/10.1080/01621459.1988.10478591
     """
     if n < 2:
         return ci
@@ -176,10 +166,7 @@ def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndar
 
 
 def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
-    """Return each cause's share of what all causes together explain, averaged over the orders of adding them.
-
-    What a set of causes explains is its gain in likelihood over no cause.
-    """
+    """Return each cause's Shapley share of the gain in likelihood of all causes."""
     from itertools import combinations
     from math import factorial
 
@@ -203,10 +190,7 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
 def main_equation(
     evidence: ResidualSource, effect: str, contribution: np.ndarray, closure: Mapping[str, Closure]
 ) -> str:
-    """Return the equation in which an effect closes most: its strength there, at most what all causes close.
-
-    Where parameters within their tolerances made up for it in the equations that it changes, the gap is in others.
-    """
+    """Return the equation in which an effect closes most, at most what all causes close there."""
     closed, strength = {}, {}
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         c = closure[name]

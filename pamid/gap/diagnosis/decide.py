@@ -108,10 +108,7 @@ def kind_of(verdict: Verdict, names: Sequence[str]) -> str:
 def _weights(
     alternatives: Sequence[Hypothesis], best: Hypothesis, name: str, gain: float, evidence: ResidualSource
 ) -> dict[str, float]:
-    """Return the probability of each alternative to a cause, allowing for its inexact form.
-
-    A law that holds the cause as a special case has the same form: what it explains beyond that is all it has.
-    """
+    """Return the probability of each alternative to a cause, allowing for its inexact form."""
     names = [next(iter(h.names - (best.names - {name}))) for h in alternatives]
     scores = np.array([h.score for h in alternatives])
     width = np.full(len(names), CLASS + CLASS_SHARE * max(gain, 0.0))

@@ -86,11 +86,7 @@ def shares(values: np.ndarray) -> np.ndarray:
 
 
 def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: int = 24) -> list[Region]:
-    """Return the regions of the state that together hold most of an equation's gap in few of its samples.
-
-    The fewest windows that hold `ENERGY` of the gap are separated from the others by a tree on the state; the union of
-    leaves that agrees best with them forms the regions. They come with the largest share first.
-    """
+    """Return the regions of the state that hold most of an equation's gap in few samples, largest share first."""
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation in ("joint", "joint_modelled") else _FEATURES
     sides, total = np.unique(evidence.side[part]), float(power[part].sum())

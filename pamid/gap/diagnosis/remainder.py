@@ -21,16 +21,9 @@ FINER, PERIODS = 4, 4
 
 
 def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str, Any]:
-    r"""Describe the residual of one equation.
+    """Describe the residual of one equation: its predictable share, and a sparse formula by matching pursuit.
 
-    A flexible learner on the state predicts it for unseen runs; the share that it predicts is
-    the least that some law of the state could explain. The formula is the sparse sum of a few terms of the state that
-    comes closest, found by orthogonal matching pursuit.
-
-    References
-    ----------
-    S. L. Brunton, J. L. Proctor, J. N. Kutz, "Discovering governing equations from data by sparse identification of
-    nonlinear dynamical systems", PNAS 113(15), 2016. https://doi.org/10.1073/pnas.1517384113
+    After S. L. Brunton, J. L. Proctor, J. N. Kutz, PNAS 113(15), 2016. https://doi.org/10.1073/pnas.1517384113
     """
     part = evidence.parts[evidence.equations.index(equation)]
     y = (z[part] * evidence.noise[part]).clip(*np.quantile(z[part] * evidence.noise[part], (0.001, 0.999)))

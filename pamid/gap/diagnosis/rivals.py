@@ -80,10 +80,7 @@ def rivals_of(competition: Competition, verdict: Verdict) -> list[Rival]:
 
 
 def _stands(competition: Competition, h: Hypothesis, verdict: Verdict) -> bool:
-    """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing.
-
-    What goes beyond named causes has been weighed and left out: it is no alternative to them.
-    """
+    """Return whether a set is a distinct explanation: not degenerate, and without effects that add nothing."""
     best = verdict.outcome.best
     more = h.names > best.names and (verdict.named or h.score < best.score)
     return not more and not any(competition.degenerate(h.fit, name) for name in h.names)

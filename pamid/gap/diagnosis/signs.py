@@ -47,10 +47,7 @@ def worst(signs: Mapping[str, Mapping[str, float]]) -> dict[str, float]:
 
 
 def beside(main: Mapping[str, int], part_of: Mapping[str, float]) -> dict[str, float]:
-    """Return each cause's share among those that act mainly in the same equation.
-
-    An effect that imitates or compensates another acts in the same equation; causes of other equations are irrelevant.
-    """
+    """Return each cause's share among those that act mainly in the same equation."""
     whole = dict.fromkeys(main.values(), 0.0)
     for name, part in part_of.items():
         whole[main[name]] += max(part, 0.0)

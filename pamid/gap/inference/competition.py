@@ -60,10 +60,7 @@ class Competition(FirstOrder):
         return bool(np.all(h.left <= wide))
 
     def refit(self, screen: Screen) -> Outcome:
-        """Refit sets of effects exactly, improve the best of them, and try replacements of its causes.
-
-        If interrupted, the best set so far is returned, with the replacements tried.
-        """
+        """Refit sets of effects exactly, improve the best of them, and try replacements of its causes."""
         if screen.about is None:
             return Outcome(self.base, self.base, {})
         try:
@@ -152,11 +149,7 @@ class Competition(FirstOrder):
         return best
 
     def _grown(self, best: Hypothesis) -> Hypothesis:
-        """Return a set with effects added to it while the evidence grows.
-
-        What an effect leaves where it is refitted shows the next one better than sets about no effect do: their first
-        order has it at a point of its grid.
-        """
+        """Add effects to a set, refitted each time, while the evidence grows."""
         while len(best.fit.spec) < MOST_CAUSES and not self.enough(best):
             larger = self._step(best, None)
             if larger is best:
@@ -166,10 +159,7 @@ class Competition(FirstOrder):
         return best
 
     def _parted(self, h: Hypothesis, best: Hypothesis) -> list[Hypothesis]:
-        """Return an effect refitted with a size of its own before and after each border between days.
-
-        Where effects bend, what each day needs is not seen to first order: it begins at the size that all days share.
-        """
+        """Return an effect refitted with its own size before and after each border between days."""
         (name, values), *more = h.fit.spec.items() or [("", {})]
         if more or not self.evidence.bends or self.enough(h):
             return []
@@ -248,18 +238,11 @@ class Competition(FirstOrder):
         return self._refined(start, replace(at, fit=replace(at.fit, x=self._deviations(subset, at))), behind)
 
     def _deviations(self, subset: Subset, at: Hypothesis) -> np.ndarray:
-        """Return the deviations at which an exact refit of a set begins.
-
-        Where residuals are nonlinear, those of the previous hypothesis may lie at ends of their tolerances, driven
-        there by what the set explains, and no small step leads back.
-        """
+        """Return the deviations at which an exact refit of a set begins."""
         return subset.x[: self.evidence.J.shape[1]] if self.evidence.bends else at.fit.x
 
     def _promising(self, about: Subsets, contenders: Sequence[Subset]) -> list[Subset]:
-        """Sort candidates by predicted gain at their start, where each fit costs runs.
-
-        The first is then most likely the best, and the others need not be followed to their ends.
-        """
+        """Sort candidates by predicted gain at their start, where each fit costs runs."""
         if not self.evidence.bends:
             return list(contenders)
         one = [s for s in contenders if len(s.templates) == 1]
@@ -353,11 +336,7 @@ class Competition(FirstOrder):
         return found
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
-        """Return a hypothesis without redundant effects: limits of others, or equivalent to them.
-
-        Size does not decide which of them is removed: the one explained by another may be the real effect, and the
-        other one merely flexible. So removing one that makes all others distinct is tried, too.
-        """
+        """Remove redundant effects, the larger or the smaller, until all others are distinct."""
         if len(h.fit.spec) < 2:
             return h
         for name in h.fit.spec:

@@ -86,12 +86,7 @@ class Discrepancy:
         return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
 
     def own_share(self, fit: Fit, name: str, D: np.ndarray, gap: np.ndarray) -> float:
-        """Return how large an effect is beside what the others leave open, in the equation where that is most.
-
-        What tolerances and the parameters of the other effects could explain of its contribution is removed; the rest
-        is a share of what those of inexact form among them add to the same equation, or of the gap where they undo each
-        other, infinite where they add nothing.
-        """
+        """Return an effect's own contribution as a share of what the others leave open, where that is largest."""
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
         rough = [d for k, d in direct.items() if k != name and has_form(self.evidence.effects[k])]
         if not rough:
@@ -114,10 +109,7 @@ class Discrepancy:
         return max(mine / max(theirs, 1e-3 * mine, 1e-300) for mine, theirs, size in sizes if size >= acts)
 
     def columns(self, fit: Fit) -> np.ndarray:
-        """Return the columns of the smooth part: each effect's contribution times a signal of the state.
-
-        A memory may be a little slower or of another order, too: then the contribution is also compared with its past.
-        """
+        """Return the columns of the smooth part: each effect's contribution times a signal of the state."""
         if self._signals is None:
             self._signals = _signals(self.evidence.state)
         found: list[np.ndarray] = []

@@ -61,10 +61,7 @@ class FirstOrder(Worth):
         return self._singles(self._about(self.base)) if self.templates else {}
 
     def _close_singles(self, about: Subsets) -> list[Subset]:
-        """Return the effects that may each be the cause, to first order.
-
-        Where residuals are simulated, that errs for large effects; the best of them shows by how much.
-        """
+        """Return the effects that may each be the cause, to first order."""
         gains = about.gains(about.fit(()))
         best: dict[str, int] = {}
         for t in np.argsort(-gains, kind="stable"):

@@ -59,12 +59,7 @@ LEAST_VALUES = 200
 def explainable(
     evidence: Learnable, found: Iterable[Template], noise: float, seed: int = 0, enough: float = 0.0
 ) -> Learned:
-    """Return what a flexible learner leaves of a residual on held-out runs: how much could be explained at all.
-
-    The learner is a boosted forest on the same signals, their past and the path since the last reversal; or the best
-    single effect of the library; or the forest on what that effect leaves. Runs are held out, or stretches of
-    time where there are less than three.
-    """
+    """Return the residual that a flexible learner, one effect or both leave on held-out runs: the explainable part."""
     value = evidence.value
     if len(value) < 20:
         return Learned(0.0, value, 0.0)
@@ -85,11 +80,7 @@ def explainable(
 
 
 def sense_of(evidence: PortEvidence, found: Sequence[Template]) -> int:
-    """Return 1 where effects subtract from the target, as friction does from what an actuator delivers, else −1.
-
-    It is −1 where the target is the driving force: friction then adds to it. Amplitudes of one sign fit in one of the
-    two alone; those of either sign fit in both. Sensor faults have no sense: a late position looks like friction.
-    """
+    """Return 1 where effects subtract from the target, −1 where the target is the driving force and they add to it."""
     found = [t for t in found if np.all(t.lower >= 0.0)]
     found = [t for t in found if not {"measure", "adjust"} & set(evidence.effects[t.effect].hooks())]
     best = {}

@@ -31,29 +31,13 @@ LAID, FINAL = 24, 0.3
 
 @dataclass(frozen=True)
 class Fit:
-    """A simulator refitted with effects.
-
-    Parameters
-    ----------
-    spec : dict
-        Effects with their values.
-    x : array, shape (n_free,)
-        Deviations of the parameters, in tolerances.
-    loglik : float
-        Logarithm of the likelihood.
-    z : array, shape (n_windows,)
-        Residuals, in units of the noise.
-    scales : array, shape (n_equations,)
-        Scales of the equations' residuals, at least 1.
-    low, high : array, shape (n_free,)
-        Ends of the deviations.
-    """
+    """A simulator refitted with effects."""
 
     spec: dict[str, dict[str, float]]
-    x: np.ndarray
+    x: np.ndarray  # deviations of the parameters, in tolerances
     loglik: float
-    z: np.ndarray
-    scales: np.ndarray
+    z: np.ndarray  # residuals, in units of the noise
+    scales: np.ndarray  # of the equations' residuals, at least 1
     low: np.ndarray | float = -SLACK
     high: np.ndarray | float = SLACK
 
@@ -121,10 +105,7 @@ class Fitter:
         return self._exact({}, np.zeros(self.n))
 
     def unwhitened(self, fit: Fit) -> Fit:
-        """Refit the tolerances to unwhitened windows, which is how far off a simulator is taken to be.
-
-        Whitening gives slow errors more weight: a fit there may leave more in one equation to have less in another.
-        """
+        """Refit the tolerances to unwhitened windows, since whitening overweights slow errors."""
         evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
         if evidence.bends:
             found = self._descended(fit.spec, fit.x, LAID, FINAL, -np.inf, held=True, turned=evidence.raw)

@@ -77,10 +77,7 @@ class Screen(NamedTuple):
 
 
 def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
-    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect.
-
-    A set that is no better than a smaller one in it is not among them.
-    """
+    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect."""
     some = [s for s in found if s.templates]
     if not some:
         return []

@@ -25,10 +25,7 @@ from ..settings import OF_ITS_OWN
 
 
 def width(p: Parameter, value: float) -> float:
-    """Return how far a nonlinear parameter may be from a guess: its distance from where it begins, or a uniform spread.
-
-    A share from 0 to 1 chooses between two forms of one effect and is expected near either end, a skew near none.
-    """
+    """Return the prior width of a nonlinear parameter: its distance from the start, or a uniform spread."""
     if p.share or p.skew:
         return OF_ITS_OWN
     if p.lower >= 0.0 and value > p.lower:

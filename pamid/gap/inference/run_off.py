@@ -47,11 +47,7 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
 
 
 def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hypothesis]]:
-    """Return the causes that others may replace, as far as equations tell, with the sets by what is in their place.
-
-    Only a command's fault may have the place of what acts behind it, or the reverse. Where friction holds a joint its
-    own equation says nothing, so that it may explain less than a command's fault does.
-    """
+    """Return the causes that others may replace, as far as equations tell, with the sets by their replacement."""
     best, effects, twins = outcome.best, competition.evidence.effects, competition.evidence.twins
     close = [
         (h, name)

@@ -25,10 +25,7 @@ class RunsDifferError(Exception):
 
 
 def runs_differ(first: FirstOrder, screen: Screen, odds: float) -> bool:
-    """Return whether one effect with a size of its own before and after a run beats every set that all runs share.
-
-    `odds` is the logarithm of the prior odds of a change at one of the borders.
-    """
+    """Return whether one effect with its own size before and after a run beats every set that all runs share."""
     if screen.about is None:
         return False
     nothing, borders = screen.about.fit(()), np.unique(first.evidence.run)[1:]

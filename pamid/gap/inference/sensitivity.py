@@ -172,11 +172,7 @@ def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Tem
 
 
 def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> list[Template]:
-    """Return the template of a factor beyond the reach of slopes, the likeliest alone.
-
-    A servo that is ten times too stiff follows its command, and no slope there says how soft the real one is. So where
-    slopes ask for a factor of e or more, the simulator is run with its powers while each is likelier.
-    """
+    """Return the likeliest template of a factor of e or more, beyond slopes, by simulation at its powers."""
     none = np.zeros(len(evidence.free))
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
     own = D - Q @ (Q.T @ D)

@@ -34,16 +34,9 @@ class Significance(NamedTuple):
 def library_test(
     evidence: ResidualSource, fit: Fit, found: Iterable[Template], random_state: np.random.RandomState
 ) -> Significance:
-    r"""Test whether any effect of the library explains more than it would by chance.
+    """Test whether any effect of the library explains more than chance does: wild-bootstrap maxima, Gumbel tail.
 
-    The residuals of the refitted simulator keep their size and their tails while the signs of stretches of time are
-    redrawn; the largest score over the whole library is then compared with its distribution under such draws. The tail
-    beyond the draws is that of a Gumbel distribution, the limit of a maximum.
-
-    References
-    ----------
-    C. F. J. Wu, "Jackknife, bootstrap and other resampling methods in regression analysis", The Annals of Statistics
-    14(4), 1986. https://doi.org/10.1214/aos/1176350142
+    C. F. J. Wu, The Annals of Statistics 14(4), 1986. https://doi.org/10.1214/aos/1176350142
     """
     found = list(found)
     if not found:
@@ -135,11 +128,7 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
 
 
 def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
-    """Return the probability of as many windows far beyond their noise, which a robust scale ignores.
-
-    Only equations without derivatives count: others may err where a command jumps between two samples. At ports, where
-    the noise is only guessed, they must follow each other as no bad readings would.
-    """
+    """Return the probability of as many outliers, in equations without derivatives, consecutive at ports."""
     from scipy.special import ndtr, pdtrc
 
     p_value = 1.0

@@ -17,10 +17,7 @@ from .sensitivity import Template
 def with_steps(
     competition: Competition, outcome: Outcome, search: Callable[[Competition], Outcome]
 ) -> tuple[Competition, Outcome] | None:
-    """Return the search with such steps as a nuisance, if it needs fewer causes; else None.
-
-    They are not free from the start: beside a single cause they would only make its size uncertain.
-    """
+    """Return the search with such steps as a nuisance if it then needs fewer causes, else None."""
     evidence = competition.evidence.stepped() if outcome.best.names else None
     if evidence is None or not _promise(competition, evidence, outcome):
         return None

@@ -144,10 +144,7 @@ def window_weights(solution: RobustFit, parts: Sequence[slice], weights: np.ndar
 def form_cost(
     A: np.ndarray, solution: RobustFit, parts: Sequence[slice], prior: np.ndarray, weights: np.ndarray | None = None
 ) -> float:
-    """Return the price of columns with a Gaussian prior, whatever they explain: half the log-determinant of H / prior.
-
-    It is Laplace's approximation of the integral over their coefficients.
-    """
+    """Return half the log-determinant of H / prior: Laplace's price of columns with a Gaussian prior."""
     if not A.shape[1]:
         return 0.0
     w = window_weights(solution, parts, weights)

@@ -144,10 +144,7 @@ class Subsets:
 
     # --- one more effect --------------------------------------------------------------------------------------
     def gains(self, subset: Subset, only: Sequence[int] | None = None) -> np.ndarray:
-        """Return what templates would add to a set, the others' coefficients free: gains in log-likelihood.
-
-        A coefficient that has come to its bound stays there: what is beyond a tolerance is not taken up by it.
-        """
+        """Return the gain in log-likelihood of each template beside a set; coefficients at their bounds stay there."""
         c = self.share / subset.scales**2
         columns = [k for t in subset.templates for k in range(self.places[t].start, self.places[t].stop)]
         GST = np.tensordot(c, self._across, 1)

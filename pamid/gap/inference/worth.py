@@ -100,11 +100,7 @@ class Worth:
         return [name for name in spec if self.evidence.prior(name) <= 0.0]
 
     def _crowded(self, h: Hypothesis) -> float:
-        """Return the gain in nats that effects beyond the first in an equation need over the inexact first one.
-
-        That is a share of what they explain there together; but any model other than a bench's may be wrong in several
-        ways at once.
-        """
+        """Return the nats that effects beyond the first need in an equation: a share of their gain there."""
         if len(h.fit.spec) < 2 or not self.evidence.exact:
             return 0.0
         count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
@@ -116,10 +112,7 @@ class Worth:
         return np.asarray(np.maximum(gain, 0.0))
 
     def gain_about(self, h: Hypothesis, name: str) -> float:
-        """Return what a set explains, in nats, in the equations that one of its effects changes.
-
-        What other effects explain elsewhere says nothing of how well the form of this one is known.
-        """
+        """Return the nats that a set explains in the equations which one of its effects changes."""
         touched = self.evidence.touched([name])
         gained, gain = self._gained(h), max(h.score - self.base.score, 0.0)
         mine = np.array([equation in touched for equation in self.evidence.equations])

@@ -33,10 +33,7 @@ RECENT = 24
 
 
 class Evidence:
-    """Residuals of all equations that a log allows, in units of their noise, under any change of the simulator.
-
-    A `pamid.gap.residuals.protocol.ResidualSource`; ``columns`` are those that equations may read, beside the angle.
-    """
+    """Residuals of the bench's equations on a log under changed simulators: a `ResidualSource`."""
 
     exact = True
     overlap = 3
@@ -334,11 +331,7 @@ class Evidence:
         return self._widening[1]
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return how wide the noise of each window is under a changed simulator, as a share of the nominal one's.
-
-        An undone gain, or a smaller volume to differentiate, makes residuals and their noise smaller: over thousands of
-        windows, that alone would count as evidence. Lags are left to `widening`.
-        """
+        """Return each window's noise as a share of the nominal simulator's; lags are left to `widening`."""
         instant = {name: values for name, values in spec.items() if not _lags(self.effects[name])}
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
         if key not in self._spreads:

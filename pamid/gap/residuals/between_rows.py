@@ -41,12 +41,7 @@ def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:
 
 
 def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
-    r"""Return inputs whose piecewise means between rows act like smooth inputs through the rows.
-
-    Lines let a sine of the angular frequency :math:`\omega` keep the share
-    :math:`\mathrm{sinc}^2 \approx 1 - (\omega h)^2 / 12`, means over m pieces of a step of them
-    :math:`1 - (\omega h / m)^2 / 24`; the second difference, which is :math:`-(\omega h)^2 u`, makes up for both.
-    """
+    r"""Return inputs whose piecewise means act like smooth inputs through the rows, to :math:`O((\omega h)^2)`."""
     out = u.copy()
     bend = u[:, 2:] - 2.0 * u[:, 1:-1] + u[:, :-2]
     for a in starts:
@@ -56,11 +51,7 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
 
 
 def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bool) -> np.ndarray:
-    """Return an input after an effect: at the rows, or if held its mean over each step.
-
-    What a lag makes of a held input goes on within the step: held at its first value it would come half a step late,
-    and would not commute with a lag of what is read.
-    """
+    """Return an input after an effect: at the rows, or the mean over each step if held."""
     if not held or not made.n_states or made.sampled:
         return place.drive(made, u, log.dt, log.starts)
     y = place.drive(made, np.repeat(u, PIECES), log.dt / PIECES, PIECES * log.starts).reshape(-1, PIECES)
@@ -78,13 +69,7 @@ def passed_on(active: Active, u: np.ndarray, inputs: Sequence[str], log: PortLog
 
 
 def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the inputs with one of them half a sample early, or bent by a third of its second difference.
-
-    Whether an input acts from its row on, is interpolated, or was read while the last one acted is not a cause of a
-    gap, nor how it goes from row to row. With both, lines are within reach of a held input: in the mean over each
-    step they lead it by half a central difference and a quarter of the second one, and their slope within the step
-    acts like a twelfth more.
-    """
+    """Yield the inputs with one half a sample early, or bent by a third of its second difference."""
     there, back = after(u, log), before(u, log)
     for name, change in zip(TIMINGS, (0.25 * (there - back), (there - 2.0 * u + back) / 3.0), strict=True):
         for k, of in enumerate(inputs):

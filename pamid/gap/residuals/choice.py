@@ -32,10 +32,7 @@ def sensor_ends(found: DirectEvidence) -> bool:
 
 
 def noise_pulls(found: DirectEvidence) -> bool:
-    """Return whether noise in modelled rates moves a parameter by as much as a false alarm needs.
-
-    Predictions need no readings along the way.
-    """
+    """Return whether noise in modelled rates moves a parameter by as much as a false alarm needs."""
     return found.simulator.form == "ode" and 0.5 * found.pulled() ** 2 > LEAST_GAIN
 
 
@@ -44,10 +41,7 @@ PREDICTED_IF = ((sensor_ends, ENDED), (noise_pulls, PULLED))
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:
-    """Return whether noise, steps or the time between rows hide the motion of positions from row to row.
-
-    Their integrated paths still show it then.
-    """
+    """Return whether noise, steps or the time between rows hide the motion of positions from row to row."""
     return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
 
 
@@ -57,10 +51,7 @@ def buried(found: DirectEvidence) -> bool:
 
 
 def coarse(found: DirectEvidence) -> bool:
-    """Return whether a velocity is derived from a position that moves by less than its resolution from row to row.
-
-    Such a reading is constant and jumps: effects of the velocity, such as the sign of friction, are not seen.
-    """
+    """Return whether a velocity is derived from a position that moves by less than its resolution between rows."""
     for position, velocity in found.derived.items():
         way = np.abs(found.signals()[velocity]) * found.log.dt
         if rms(way) < quantisation_step(found.log.channels[position]):
@@ -69,11 +60,7 @@ def coarse(found: DirectEvidence) -> bool:
 
 
 def fast(found: DirectEvidence) -> bool:
-    """Return whether an acceleration curves so much between rows that linear interpolation misses its means.
-
-    A line between two values of a(t) misses its mean over a step by a'' h²/12. Inputs that are held over a step add no
-    curvature.
-    """
+    """Return whether an acceleration curves so much between rows, a'' h²/12, that lines miss its means."""
     begins = found.log.starts
     for noise, start, end in _accelerations(found):
         bend = np.diff(end - start, prepend=0.0) / 12.0
@@ -96,10 +83,7 @@ def _accelerations(found: DirectEvidence) -> list[tuple[float, np.ndarray, np.nd
 
 
 def sign_may_be_lost(found: DirectEvidence) -> bool:
-    """Return whether a reading of a state is never negative while the simulator goes below zero within a few rows.
-
-    Rates do not show a lost sign: where a magnitude reverses, so does the motion that was read.
-    """
+    """Return whether a nonnegative reading of a state belongs to a simulated state that goes below zero nearby."""
     log = found.log
     for name, rate in zip(found.simulator.states, found.modelled, strict=True):
         x = log.channels.get(name)

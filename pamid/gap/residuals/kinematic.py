@@ -51,10 +51,7 @@ def bent(v: np.ndarray) -> np.ndarray:
 def nuisances(
     v: np.ndarray, a: np.ndarray, log: PortLog, n: int, firsts: Sequence[np.ndarray]
 ) -> dict[str, np.ndarray]:
-    """Return the change of the windows by half a step between clocks, and by what a velocity does within a step.
-
-    Its modelled accelerations are those at the start of each step, and at all ends after them.
-    """
+    """Return the change of the windows by half a step between clocks, and by a velocity's motion within a step."""
     within = log.dt / 12.0 * np.subtract(*np.split(a, 2)[::-1])
     runs = [(v[k:e], within[k : e - 1], first) for (k, e), first in zip(log.spans, firsts, strict=True)]
     return {

@@ -81,10 +81,7 @@ class OnEquation:
 
     # --- where effects act ------------------------------------------------------------------------------------
     def placements(self, scales: Scales, sizes: SignalSizes | None = None) -> dict[str, Placement]:
-        """Return every effect of the library where it acts on the equation, by name; signals go by role.
-
-        Limits and periods of parameters are within what signals of the given sizes show.
-        """
+        """Return where each effect of the library acts on the equation, by name, bounded by the given signal sizes."""
         table, flow = self.table, self.kind == "flow"
         gauge = "pressure" in table and _is_gauge(scales.pressure * table["pressure"])
         # What leaks depends on the absolute pressure.

@@ -22,85 +22,37 @@ STATE = ("eps", "deps", "P", "dP", "u", "q", "dq")
 
 
 class ResidualSource(Protocol):
-    """A log compared with a simulator, as one vector of windows.
-
-    A bench, a single equation and any other simulator are sources; users of this protocol do not know which.
-
-    Attributes
-    ----------
-    effects : mapping of str to class
-        The library: what may act here, by the names of a `Spec`.
-    equations : list of str
-        The equations (of a simulator: its ports) that the log allows.
-    parts : list of slice
-        The windows of each.
-    units : dict of str to str
-        The unit of each.
-    skipped : dict of str to str
-        Equations that were left out, and why.
-    z0 : array, shape (n_windows,)
-        Residuals of the simulator as given, in units of their noise and white, equation after equation.
-    noise : array, shape (n_windows,)
-        Standard deviation of each window's noise, in the unit of its equation.
-    measured : array, shape (n_windows,)
-        The measured side of each window's equation.
-    J : array, shape (n_windows, n_free)
-        Change of the residuals by one tolerance of each free parameter.
-    free : list of str
-        Parameters that have a tolerance.
-    weights : array, shape (n_equations,)
-        Weight of a window of each equation, less than one where neighbours repeat each other.
-    run, side, block : array of int, shape (n_windows,)
-        Stretch of the log, muscle (or joint) and run of each window.
-    time : array, shape (n_windows,)
-        Centres of the windows, s.
-    trajectories : list of str
-        Names of the runs.
-    stretch : float
-        Correlation time of the residuals, s.
-    sharp : sequence of slice
-        Windows in which none may be far out by chance.
-    twins : mapping of str to str
-        Effects that act alike, each by the other's name: no log of this simulator distinguishes them.
-    overlap : int
-        Most windows of an equation that one reading is in.
-    curved : bool
-        Whether tolerances are so wide that sensitivities vary within them: `slopes` then differ from `J`.
-    pace : float
-        What a second of the log counts, s: 1 unless its runs are of unusual length.
-    one_sided : bool
-        Whether `side` is the place of a window's equation, not a muscle.
-    """
+    """A log compared with a simulator, as one vector of windows; its users do not know which kind of simulator."""
 
     @property
     def effects(self) -> Mapping[str, type[Effect]]:
         """The effects that may act here, by the names of a `Spec`."""
         ...
 
-    equations: list[str]
-    parts: list[slice]
+    equations: list[str]  # the equations (of a simulator: its ports) that the log allows
+    parts: list[slice]  # the windows of each
     units: dict[str, str]
-    skipped: dict[str, str]
-    z0: np.ndarray
-    noise: np.ndarray
-    measured: np.ndarray
-    J: np.ndarray
-    free: list[str]
-    weights: np.ndarray
-    run: np.ndarray
-    side: np.ndarray
-    block: np.ndarray
-    time: np.ndarray
+    skipped: dict[str, str]  # equations that were left out, and why
+    z0: np.ndarray  # residuals of the simulator as given, white, in units of their noise, equation after equation
+    noise: np.ndarray  # standard deviation of each window's noise, in the unit of its equation
+    measured: np.ndarray  # the measured side of each window's equation
+    J: np.ndarray  # change of the residuals by one tolerance of each free parameter, (n_windows, n_free)
+    free: list[str]  # parameters that have a tolerance
+    weights: np.ndarray  # of a window of each equation, less than one where neighbours repeat each other
+    run: np.ndarray  # stretch of the log of each window
+    side: np.ndarray  # muscle (or joint) of each window
+    block: np.ndarray  # run of each window
+    time: np.ndarray  # centres of the windows, s
     trajectories: list[str]
-    sharp: list[slice]
-    stretch: float
+    sharp: list[slice]  # windows in which none may be far out by chance
+    stretch: float  # correlation time of the residuals, s
     exact: bool
     bends: bool
-    overlap: int
-    curved: bool
-    twins: Mapping[str, str]
-    pace: float
-    one_sided: bool
+    overlap: int  # most windows of an equation that one reading is in
+    curved: bool  # tolerances are so wide that `slopes` differ from `J`
+    twins: Mapping[str, str]  # effects that no log of this simulator distinguishes, each by the other's name
+    pace: float  # what a second of the log counts, s: 1 unless its runs are of unusual length
+    one_sided: bool  # `side` is the place of a window's equation, not a muscle
     least_gain: float
     decisive: float
 
@@ -143,10 +95,7 @@ class ResidualSource(Protocol):
         ...
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
-        """Return by how much the residuals change from effects to others nearby, at deviations x.
-
-        First order suffices where more would need simulations.
-        """
+        """Return by how much the residuals change from effects to others nearby, to first order, at deviations x."""
         ...
 
     def raw(self, z: np.ndarray) -> np.ndarray:
@@ -174,11 +123,7 @@ class ResidualSource(Protocol):
         ...
 
     def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return the share of a small addition to the model that reaches each window past effects that distort the
-        reading.
-
-        None where sensitivities about no effect also hold beside others.
-        """
+        """Return the share of a small addition that reaches each window past sensor effects; None for all of it."""
         ...
 
     def reached(self, p: Parameter) -> Parameter:

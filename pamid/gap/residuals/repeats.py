@@ -34,11 +34,7 @@ def repeating(log: PortLog, inputs: Collection[str]) -> list[tuple[int, int]]:
 def pieces(
     spans: Sequence[tuple[int, int]], block: np.ndarray, time: np.ndarray, dt: float, stretch: float
 ) -> tuple[np.ndarray, int]:
-    """Return the run, or the piece of a long one, of each window, and how many there are.
-
-    Where a log holds one or two runs they are cut into pieces of equal length, each several times as long as the
-    residual is correlated.
-    """
+    """Return the run, or the piece of a long one, of each window, and how many there are."""
     n = len(spans)
     if n >= FEW:
         return block, n

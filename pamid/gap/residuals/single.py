@@ -199,22 +199,14 @@ class SignalEvidence(PortEvidence):
             return []
 
     def library(self, effects: str | Sequence[str], places: Mapping[str, Placement] | None = None) -> list[str]:
-        """Return the effects that a choice stands for, "all" being those of what the equation is about.
-
-        On one equation, damping of a joint is viscous friction by another name.
-        """
+        """Return the effects that a choice stands for, "all" being those of what the equation is about."""
         kind = {"force": "actuator", "torque": "motor" if self.equation.units.target == "V" else "joint"}
         chosen = chosen_effects(effects, "muscle" if self.contraction else kind.get(self.equation.kind, "gas"))
         return [name for name in chosen if name != "joint_damping" or "viscous_friction" not in chosen]
 
     # --- noise ------------------------------------------------------------------------------------------------
     def _draw_noise(self) -> None:
-        """Take the larger of what neighbouring rows of the residual show, and of what copies of the log do.
-
-        Neighbours do not show noise that they share, such as that of a rate which was taken over many rows. It is not
-        whitened: it is smooth over more windows than those whose covariance is known, and they count as fewer. Copies
-        know the steps of converters; dry friction would look like them in the residual.
-        """
+        """Take the larger of the noise that neighbouring residuals show and that of noisier copies of the log."""
         mean, copied, spans = np.full(self.n, 1.0 / self.n), len(self._draws) > 0, self.log.spans
 
         def shown(left: np.ndarray) -> float:

@@ -51,11 +51,7 @@ def within_steps(
     base: np.ndarray, at_late: Callable[[np.ndarray], np.ndarray], states: Sequence[str], derived: Sequence[str],
     balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray,
 ) -> Iterator[tuple[str, np.ndarray]]:  # fmt: skip
-    """Yield changes of the rates at both ends of each step, shape (n_states, 2 n_rows), that are no causes.
-
-    A sample's step of Euler's method, the model's own step, s, if it says one; and as much again, or none, of the
-    `bend` of the rates within a sample, for a model with steps of its own: its solver follows the equations less well.
-    """
+    """Yield changes of the rates within each step, shape (n_states, 2 n_rows), which are not causes."""
     dynamic = [b for b in balances if b.order and not b.velocity]  # clocks of two readings have a skew of their own
     out = np.zeros_like(base)
     for order in sorted({b.order for b in dynamic}):

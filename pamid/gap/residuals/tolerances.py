@@ -93,10 +93,7 @@ class Tolerances(ABC):
         return self._whitening.white((there - here) / self.noise)
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
-        """Return the change of the residuals by one tolerance of each free parameter, under effects and deviations x.
-
-        In the linear case it is `J`, whatever the effects and deviations.
-        """
+        """Return the change of the residuals by one tolerance of each free parameter, under a spec and deviations."""
         if not self.curved or not (spec or np.any(x)):
             return self._linear_slopes(spec)
         key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))

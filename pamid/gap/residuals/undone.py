@@ -60,10 +60,7 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return the states at each row, and all signals by name."""
 
     def left(self, simulator: Simulator, channels: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
-        """Return white residuals of the simulator with other numbers, on the log or on signals of a simulation.
-
-        Those are without faults of commands and sensors.
-        """
+        """Return white residuals of the simulator with other numbers, on the log or on fault-free simulated signals."""
         own = [one for one in self.made_as(simulator) if channels is None or one[0].acts]
         return self.white(self._finite(self._residual(own, simulator.numbers, channels)) / self.noise)
 
@@ -78,10 +75,9 @@ class UndoneEvidence(PortEvidence, ABC):
         return self._x, self._u
 
     def pulled(self) -> float:
-        r"""Return by how many standard errors noise in the modelled rates pulls the parameter that it pulls most.
+        r"""Return the largest pull of noise in modelled rates on a parameter, in standard errors (errors in variables).
 
-        Least squares takes them for exact (errors in variables). With residuals r and slopes s on the log, and both on
-        a copy with as much noise again, the pull is :math:`\sum (s' - s)(r' - r) / \sqrt{\sum s^2}`.
+        With residuals r, slopes s and those of a noisier copy, it is :math:`\sum (s' - s)(r' - r) / \sqrt{\sum s^2}`.
         """
         worst, weights = 0.0, np.concatenate([np.full(p.stop - p.start, w)
                                               for p, w in zip(self.parts, self.weights, strict=True)])  # fmt: skip

@@ -11,18 +11,7 @@ _SYMBOL = re.compile(r"(kg|m\^3|[A-Za-z]+)(?:\^(\d+))?")
 
 
 class Units(NamedTuple):
-    """Units of a log of one equation.
-
-    Examples
-    --------
-    >>> from pamid.effects import all_effects
-    >>> from pamid.gap.residuals.units import Units
-    >>> viscous, gravity = all_effects()["viscous_friction"], all_effects()["gravity"]
-    >>> Units("N", "m").of(viscous, viscous.parameters[0])
-    'N s/m'
-    >>> Units("N m", "rad").of(viscous, viscous.parameters[0]), Units("V", "rad").of(gravity, gravity.parameters[0])
-    ('N m s/rad', 'V')
-    """
+    """Units of a log of one equation."""
 
     target: str = "N"
     """Of what is measured."""

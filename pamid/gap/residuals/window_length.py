@@ -31,11 +31,7 @@ class Rate(NamedTuple):
 
 
 def samples(rates: Sequence[Rate], log: PortLog) -> int:
-    """Return the samples in a window: several in a period of the fastest motion, and enough windows in all.
-
-    Where noise hides the modelled rate windows are longer, as long as that adds information: N/n windows carry N/n
-    times its power over that of their noise.
-    """
+    """Return the samples in a window: several per period of the fastest motion, more where noise hides the rates."""
     most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
     shortest = most
     for rate in rates:

@@ -88,10 +88,7 @@ def together(
     searched: Sequence[Log] = (),
     close: Sequence[str] = (),
 ) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
-    """Return the joint diagnosis of logs, with each log's parameters, the decision if any, and the stacked evidence.
-
-    Causes are searched in parts of the logs where these are given; `close` may be the cause in one of the logs.
-    """
+    """Return the joint diagnosis of logs, each log's parameters, the decision if any, and the stacked evidence."""
     from threadpoolctl import threadpool_limits
 
     names, _, days = zip(*logs, strict=True)

@@ -35,10 +35,7 @@ class Bar(NamedTuple):
 
 
 def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
-    """Draw how the mean square error of an equation falls as the causes are added.
-
-    Squares add up where root mean squares do not, so that the bars are shares of the mean square error.
-    """
+    """Draw how the mean square error of an equation, in which shares add up, falls as the causes are added."""
     closure = chosen_closure(d, equation)
     quantity = Words.of(d).residual(closure.equation, closure.unit)
     bars = waterfall(d, closure)

@@ -29,11 +29,7 @@ _SEVERAL = 3
 def course_figure(
     d: Diagnosis, equation: str | None = None, trajectory: str | None = None, limits: tuple[float, float] | None = None
 ) -> Figure:
-    """Draw what was measured in a run, and what the simulator says without and with the causes.
-
-    Where a column of the log holds the measured side, its rows are drawn behind the means over windows. Of a long run
-    the part with the largest error is drawn once more.
-    """
+    """Draw measurement and simulator without and with the causes in a run; of a long run, its worst part again."""
     equation = chosen_equation(d, equation)
     trajectory = trajectory or telling_trajectories(d, equation, 1)[0]
     part = of_trajectory(d, equation, trajectory)

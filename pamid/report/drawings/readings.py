@@ -23,10 +23,7 @@ _MOST = 6
 
 
 def readings_figure(d: Diagnosis, trajectory: str, equation: str | None = None) -> Figure | None:
-    """Draw the signals of a run over time at the resolution of the log; None where the diagnosis kept no log.
-
-    Of many signals those are drawn on which the error of an equation depends most.
-    """
+    """Draw a run's readings that an equation's error depends on most; None if the diagnosis kept no log."""
     run = _rows(d, trajectory)
     columns = [] if run is None else _columns(d, run, chosen_equation(d, equation))
     if run is None or not columns:

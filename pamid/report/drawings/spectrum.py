@@ -123,11 +123,7 @@ def _stretches(part: pd.DataFrame) -> Iterator[pd.DataFrame]:
 
 
 def worse_bands(d: Diagnosis, equation: str) -> list[tuple[float, float, float]]:
-    """Return the bands in which the causes make the error larger: from, to (Hz), and by which factor.
-
-    A band counts where the mean power after exceeds that before, and the noise, by more than two standard deviations of
-    a spectral estimate.
-    """
+    """Return the bands (from, to in Hz, factor) in which the causes raise the power by over two standard deviations."""
     part = d.windows[d.windows["equation"] == equation]
     frequency, before, after, noise = spectra(part)
     averaged = max(1.0, len(part) / (len(frequency) + 1))  # overlapping halves of twice as many windows

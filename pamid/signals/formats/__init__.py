@@ -72,10 +72,7 @@ def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
 
 
 def is_measured(column: pd.Series, mapping: LogMapping) -> bool:
-    """Return whether a column that is named like the one of the runs holds readings of a signal instead.
-
-    Numbers that differ in more than half of the rows leave no run of two rows; fractions that come back number no run.
-    """
+    """Return whether a column named like the run column holds readings instead: numbers that change in most rows."""
     import pandas as pd
 
     unique = column.dropna().unique()

@@ -30,10 +30,7 @@ def encoding_of(path: Path) -> str:
 
 
 def encoding_by(head: bytes) -> str:
-    """Return the encoding that the first bytes of a file show; empty where they are no text.
-
-    UTF-8 and UTF-16 show themselves; of GB18030 and Latin-1 the likelier is returned.
-    """
+    """Return the encoding that the first bytes of a file show; empty where they are no text."""
     if head.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if wide := _wide(head):

@@ -49,11 +49,7 @@ class Messages:
 
 
 def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_bytes: int) -> RawTable:
-    """Return topics as one table in steps of the one with most messages: ``time`` (s) and columns ``topic.field``.
-
-    Numbers of other topics are interpolated between their messages, and missing before the first and after the last;
-    rows at which a topic that the mapping names has none are left out.
-    """
+    """Return topics as one table at the times of the one with most messages: ``time`` (s) and ``topic.field``."""
     import pandas as pd
 
     kept = {name: topic for name, topic in topics.items() if len(topic[0]) > 1 and topic[1]}

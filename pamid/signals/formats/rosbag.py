@@ -21,10 +21,7 @@ _WHOLE = "a complete recording with messages of known types"
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
-    """Read all topics as one table: columns ``/topic.field``, times at which messages were recorded.
-
-    Of ROS 2 a recording is a folder: its ``.db3`` stands for all of it.
-    """
+    """Read all topics as one table of ``/topic.field``, timed as recorded; a ``.db3`` stands for its ROS 2 folder."""
     with needs("rosbags", "robot"):
         from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
