@@ -64,7 +64,7 @@ class Number:
 
     @contextmanager
     def changed(self, factor: float) -> Iterator[None]:
-        """Let it be another wherever it was read under its name."""
+        """Replace it wherever it was read under its name."""
         was = self.value
         now = self.change(was, factor)
         with ExitStack() as stack:

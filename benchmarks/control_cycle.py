@@ -106,7 +106,7 @@ def python_times(fitted: StaticPIHM, calls: int) -> None:
 
 
 def at_once() -> None:
-    """Let the process go before all others, which a scheduler would otherwise give turns within its worst calls."""
+    """Schedule the process before all others, which a scheduler would otherwise give turns within its worst calls."""
     os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(50))
 
 

@@ -124,7 +124,7 @@ def _models(out: Path, later: pd.DataFrame, page: Any) -> list[str]:
 
 
 def closes(record: Record) -> bool:
-    """Tell whether a corrected simulator closes on other runs at least what the report's printed interval says."""
+    """Return whether a corrected simulator closes on other runs at least what the report's printed interval says."""
     from pamid.report.quantities import share_span
 
     if "closed" not in record:

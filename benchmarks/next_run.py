@@ -146,7 +146,7 @@ def rounds_of(suite: str, index: int) -> int:
 
 
 def closed(found: Any) -> bool:
-    """Tell whether a diagnosis leaves nothing to distinguish: every cause has one name."""
+    """Return whether a diagnosis leaves nothing to distinguish: every cause has one name."""
     return found.verdict in ("cause", "several") and all(len(c.effects) == 1 for c in found.causes)
 
 

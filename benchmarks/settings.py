@@ -71,7 +71,7 @@ def changed(name: str, factor: float) -> Iterator[None]:
 
 
 def answered(case: Case) -> bool:
-    """Tell whether a case is answered right; of two effects both must be named."""
+    """Return whether a case is answered right; of two effects both must be named."""
     from pamid.effects.registry import chosen_effects
     from pamid.gap import diagnose
 

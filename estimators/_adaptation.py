@@ -216,7 +216,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
             model.weights_ = [*model.weights_[:-1], model.weights_[-1] + dead_volume / model.volume_scale_]
 
     def _bound_adapter(self) -> Any:
-        """Return what the trainer sees: the adapter alone, where the factor is part of the volume's scale."""
+        """Return the trainer's adapter: the adapter alone, where the factor is part of the volume's scale."""
         return self._adapter()
 
     def _train(
@@ -279,7 +279,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     _counts_scale: ClassVar[bool] = False
 
     def _so_far(self, model: HybridModel, bound: Any, psi: Any) -> dict[str, Any]:
-        """Return what predict needs of an adaptation under way."""
+        """Return the state that predict needs of an adaptation under way."""
         now = self._target(model)
         now.weights_ = arrays_of(bound.expand(psi))
         return {"model_": now}

@@ -196,7 +196,7 @@ def state_of(estimator: Any, X: np.ndarray) -> State:
 
 
 def fitted_attributes(estimator: Any) -> dict[str, Any]:
-    """Return what a fit has set, by name."""
+    """Return the fitted attributes, by name."""
     return {name: value for name, value in vars(estimator).items() if name.endswith("_") and not name.startswith("_")}
 
 

@@ -116,7 +116,7 @@ class Blending:
         )
 
     def _from_source(self, table: np.ndarray) -> np.ndarray:
-        """Return what the source itself says of the target's signals, shape (n_samples, n_laws)."""
+        """Return the source's own prediction for the target's signals, shape (n_samples, n_laws)."""
         source = self._target(hybrid_of(self.source, type(self).__name__))
         with warnings.catch_warnings():
             # An adaptation is meant for muscles that move elsewhere.

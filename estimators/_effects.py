@@ -91,7 +91,7 @@ def whole_log(model: SignalEstimator, X: np.ndarray) -> WholeLog:
 
 
 def seen_by(model: HybridParameters, X: np.ndarray) -> Seen:
-    """Return what the parts of a model read of a validated table."""
+    """Return the inputs of a model's parts from a validated table."""
     effects = fitted_effects(model)
     if not effects:
         state, columns = state_of(model, X), model.signal_columns_

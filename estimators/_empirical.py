@@ -180,7 +180,7 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
         return found, solution.covariance, solution.at_bound, solution.n_iter
 
     def _columns_of(self, linear: list[str], values: dict[str, float], state: State) -> tuple[np.ndarray, np.ndarray]:
-        """Return what each linear parameter contributes at 1, shape (n, n_linear), and the force without them."""
+        """Return the regressors of the linear parameters, shape (n, n_linear), and the force without them."""
         none = values | dict.fromkeys(linear, 0.0)
         rest = np.broadcast_to(np.asarray(self._force(none, state), dtype=float), state.eps.shape)
         columns = [np.asarray(self._force(none | {n: 1.0}, state), dtype=float) - rest for n in linear]

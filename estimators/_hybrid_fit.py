@@ -154,7 +154,7 @@ def in_units(model: HybridParameters, trainer: Any) -> None:
 
 
 def network_in_units(model: HybridParameters, trainer: Any) -> None:
-    """Let a published network read and give the units of its trainer; a correction to a geometry keeps its own."""
+    """Convert a published network to the units of its trainer; a correction to a geometry keeps its own."""
     in_units(model, trainer)
     units, scale = trainer.units, model.input_scale_
     if units is None or model.anchor_ is not None or len(scale.mean) != len(units.inputs):

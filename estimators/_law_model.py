@@ -35,7 +35,7 @@ class LawModel(Streaming, ProgressMixin, SignalRegressor):
 
     @abstractmethod
     def _outputs(self, table: np.ndarray) -> np.ndarray:
-        """Return what each law predicts of a validated table, shape (n_samples, n_laws)."""
+        """Return each law's prediction for a validated table, shape (n_samples, n_laws)."""
 
     def predict(self, X: Any) -> np.ndarray:
         """Predict what the laws say of the identified volume.

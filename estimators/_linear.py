@@ -50,7 +50,7 @@ class LinearTerms:
         raise NotImplementedError
 
     def _shares(self, state: Any) -> list[Any]:
-        """Return what each coefficient multiplies in the prediction."""
+        """Return the regressors of the coefficients."""
         raise NotImplementedError
 
     def _columns(self, state: Any) -> np.ndarray:

@@ -22,7 +22,7 @@ class PolynomialRegressor(LinearTerms, ClassicalRegressor):
         raise NotImplementedError
 
     def _shares(self, state: State) -> list[Any]:
-        """Return what each coefficient multiplies in the prediction."""
+        """Return the regressors of the coefficients."""
         (law,) = self.laws()
         return [law.predict(*jet, state) for jet in self._basis(state)]
 

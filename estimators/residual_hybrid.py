@@ -252,7 +252,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         return {"force": (unit, known + share)}
 
     def _model_table(self, table: np.ndarray) -> Any:
-        """Return what the model reads: an array where its order is known, which takes less time than a DataFrame."""
+        """Return the model's input: an array where its order is known, which takes less time than a DataFrame."""
         model = self._own_model()
         if isinstance(model, SignalEstimator) and model.signals is None:
             return np.column_stack([self._signal(table, name) for name in self._read_by_model()])

@@ -134,7 +134,7 @@ class TransferFunction(NARXRegressor):
         self.standard_errors_ = dict(zip(told, errors[:-1].tolist(), strict=True))
 
     def _in_units(self, n: int, n_inputs: int) -> np.ndarray:
-        """Return what turns the parameters of standardised signals into those of the signals: a diagonal."""
+        """Return the diagonal that converts parameters of standardised signals to those of the signals."""
         step = self.step_scale_
         b = np.tile(step * self.output_scale_ / self.input_scale_, self.input_lags)
         assert len(b) == self.input_lags * n_inputs

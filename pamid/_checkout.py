@@ -26,7 +26,7 @@ class _BesideThePackage:
 
 
 def find_estimators() -> None:
-    """Let `pamid.estimators` be imported from a checkout; does nothing where it is installed in the package."""
+    """Make `pamid.estimators` importable from a checkout; no effect where it is installed in the package."""
     beside = join(dirname(_PACKAGE), "estimators", "__init__.py")  # noqa: PTH118, PTH120
     if isfile(beside) and not isdir(join(_PACKAGE, "estimators")):  # noqa: PTH112, PTH113, PTH118
         sys.meta_path.insert(0, _BesideThePackage)

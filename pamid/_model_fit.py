@@ -28,7 +28,7 @@ _ORDERED = (
 
 
 def misfit(model: Any) -> str:
-    """Return what does not fit together in an object, or nothing."""
+    """Return the inconsistency of an object, or ""."""
     held = getattr(model, "__dict__", {})
     return next((said for rule in _RULES if (said := rule(model, held))), "")
 

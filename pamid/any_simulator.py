@@ -56,7 +56,8 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
     from .bench.parameters import BenchParameters
     from .simulators import read_simulator as read_ported
     from .simulators.page import MODELS, simulator_kinds
-    from .systems import kind_of_file, read_system
+    from .systems import read_system
+    from .systems.file import kind_of_file
 
     path = Path(path)
     if path.suffix.lower() in MODELS or (kind := kind_of_file(path)) in simulator_kinds():

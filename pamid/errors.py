@@ -61,7 +61,7 @@ class PamidError(Exception):
 
 
 def among(name: object, known: Iterable[str], otherwise: str = "Correct the name.") -> tuple[str, str]:
-    """Return what was expected, and what to do about a name that is not known; a long list is cut to names like it."""
+    """Return expectation and remedy for an unknown name; a long list is cut to similar names."""
     import difflib
 
     names = list(known)
@@ -347,7 +347,7 @@ class MissingDependencyError(PamidError, ImportError):
 
 @contextmanager
 def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
-    """Let an import that fails within a block say which optional dependency to install."""
+    """Name the optional dependency to install if an import fails within the block."""
     try:
         yield
     except ImportError:

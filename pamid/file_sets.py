@@ -143,7 +143,7 @@ def _identity(file: Path) -> tuple[int, int]:
 
 @cache
 def _system_exchange() -> Callable[[Path, Path], None] | None:
-    """Return what exchanges two paths in one step, where the system has it."""
+    """Return the system call that exchanges two paths, where the system has it."""
     if not sys.platform.startswith("linux"):
         return None
     function = getattr(ctypes.CDLL(None, use_errno=True), "renameat2", None)
@@ -173,7 +173,7 @@ def _move_in(stage: Path, folder: Path, written: list[str], names: Collection[st
 
 
 def _redo(folder: Path, record: dict[str, Any]) -> None:
-    """Do what a record says, as far as it is not done."""
+    """Complete the moves of a record."""
     for name in record["remove"]:
         (folder / name).unlink(missing_ok=True)
     for name in record["move"]:

@@ -124,7 +124,7 @@ def _remove(draft: Path) -> None:
 
 @contextlib.contextmanager
 def signals_wait() -> Iterator[None]:
-    """Let Ctrl-C and a request to end wait for the end of the body."""
+    """Defer Ctrl-C and termination to the end of the body."""
     if threading.current_thread() is not threading.main_thread():
         yield  # signals are handled in the main thread alone
         return

@@ -167,7 +167,7 @@ def load(path: str | Path, *, trusted: Sequence[TrustedType] = (), max_bytes: in
 
 @explained_by(load)
 def inspect(path: str | Path, *, max_bytes: int = MAX_BYTES) -> dict[str, Any]:
-    """Return what a model file says about itself, without loading the model.
+    """Return the description in a model file, without loading the model.
 
     Returns
     -------

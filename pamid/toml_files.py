@@ -67,7 +67,7 @@ def toml_key(name: str) -> str:
 
 
 def toml_value(value: Any) -> str:
-    r"""Return a truth, number, text or list of these as TOML writes it, whatever characters a text has."""
+    r"""Return a boolean, number, text or list of these as TOML, any characters escaped."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -97,7 +97,7 @@ class SimulatorWatch:
 
     # --- the rig as it is ---------------------------------------------------------------------------------------
     def _know(self, found: Diagnosis, log: pd.DataFrame) -> None:
-        """Take what a diagnosis says of the rig, and learn what is left on a stretch of it."""
+        """Adopt a diagnosis of the rig, and learn its residuals on a stretch."""
         import pandas as pd
 
         from .online import ChangeMonitor
@@ -138,7 +138,7 @@ class SimulatorWatch:
         return piece
 
     def _residuals(self, piece: pd.DataFrame) -> dict[str, _Left]:
-        """Return for each equation signals, what is left in units of the noise, and times, by windows."""
+        """Return for each equation signals, residuals in units of the noise, and times, by windows."""
         import pandas as pd
 
         from .gap.evaluation import residuals_of
@@ -203,7 +203,7 @@ class SimulatorWatch:
 
 
 class _Nothing:
-    """The model of what is left: nothing."""
+    """The model of the residual: zero."""
 
     def predict(self, X: pd.DataFrame) -> np.ndarray:
         """Return zeros."""

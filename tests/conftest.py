@@ -113,7 +113,7 @@ _FIXTURES = pytest.StashKey[dict[tuple[str, str], float]]()
 
 
 def _waits(item: pytest.Item, slow: set[tuple[str, str]]) -> bool:
-    """Tell whether a test needs a slow fixture."""
+    """Return whether a test needs a slow fixture."""
     names = getattr(item, "fixturenames", ())
     return any(fixture in names and item.nodeid.startswith(base) for fixture, base in slow)
 

@@ -285,6 +285,11 @@ def test_no_phrase_reads_as_translated() -> None:
             "what is left o" + r"f\b",
             "one behind the oth" + "er",
             "is none o" + "f",
+            "stands in the wa" + "y",
+            "left its sens" + "es",
+            '"""Le' + "t ",
+            '"""Say wha' + "t ",
+            '"""Tell wheth' + "er",
         )
     )
     for path in [*CODE, *PAPERS]:

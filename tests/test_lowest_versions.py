@@ -29,7 +29,7 @@ def pins() -> dict[str, str]:
 
 
 def same(bound: str, pin: str) -> bool:
-    """Tell whether two versions are one, zeros at the end aside."""
+    """Return whether two versions are one, zeros at the end aside."""
     return re.sub(r"(\.0)+$", "", bound) == re.sub(r"(\.0)+$", "", pin)
 
 

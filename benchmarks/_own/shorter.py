@@ -60,7 +60,7 @@ def truth(key: Record, library: list[str]) -> set[str]:
 
 
 def same(whole: Record, other: Record, kept: set[str]) -> bool:
-    """Tell whether two answers agree in as far as the second could say what the first says."""
+    """Return whether two answers agree in as far as the second could say what the first says."""
     if whole["verdict"] in ("none", "unknown") or other["verdict"] in ("none", "unknown"):
         return bool(whole["verdict"] == other["verdict"])
     first = [names & kept for names in names_of(whole)]

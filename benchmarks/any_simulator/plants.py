@@ -54,7 +54,7 @@ class Plant:
         raise NotImplementedError
 
     def inside(self, x: np.ndarray) -> bool:
-        """Tell whether runs, shape (n_samples, n_states, n), stay where the system is what its rates say."""
+        """Return whether runs, shape (n_samples, n_states, n), stay where the system is what its rates say."""
         return bool(np.isfinite(x).all())
 
     def rates(self, x: np.ndarray, u: np.ndarray, f: np.ndarray, p: dict[str, float]) -> np.ndarray:
@@ -151,7 +151,7 @@ class Cylinder(Plant):
         return np.clip(20.0 * (plan[k] - x[0]), -1.0, 1.0)[None]
 
     def inside(self, x: np.ndarray) -> bool:
-        """Tell whether the piston stays off its ends, beyond which a chamber has no volume."""
+        """Return whether the piston stays off its ends, beyond which a chamber has no volume."""
         return super().inside(x) and bool(np.max(np.abs(x[:, 0])) < 0.11)
 
     def rates(self, x: np.ndarray, u: np.ndarray, f: np.ndarray, p: dict[str, float]) -> np.ndarray:

@@ -40,14 +40,14 @@ def _median(values: list[float]) -> str:
 
 
 def _same_port(said: str, key: Record) -> bool:
-    """Tell whether a port is the true one; a signal of a joint counts as its joint."""
+    """Return whether a port is the true one; a signal of a joint counts as its joint."""
     alike = {"rod": ("s", "v"), "rail": ("x", "v"), "hinge": ("angle", "omega", "hinge_q", "hinge_dq"),
              "chamber1": ("p1", "w1"), "chamber2": ("p2", "w2")}  # fmt: skip
     return said == key["port"] or said in alike.get(key["port"], ())
 
 
 def _plainly(said: Record) -> bool:
-    """Tell whether a cause was named without reserve."""
+    """Return whether a cause was named without reserve."""
     return bool(said["named"] and not said.get("reserved"))
 
 

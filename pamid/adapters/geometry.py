@@ -27,24 +27,7 @@ class Scale(NamedTuple):
 def volume_ratio(
     source: tuple[float, float], target: tuple[float, float], relative: tuple[float, float] = (0.0, 0.0)
 ) -> Scale:
-    r"""Return :math:`Q_0 = (D_t / D_s)^2 L_t / L_s`, with its uncertainty to first order.
-
-    Parameters
-    ----------
-    source, target : tuple of float
-        Rest length (m) and rest diameter (m) of each muscle.
-    relative : tuple of float, default=(0, 0)
-        Relative standard uncertainty of each length and of each diameter, independent of one another.
-
-    Returns
-    -------
-    Scale
-        Q_0 and its standard uncertainty.
-
-    Raises
-    ------
-    ParameterError
-        If a size is not above 0, or an uncertainty is below 0.
+    r"""Return :math:`Q_0 = (D_t / D_s)^2 L_t / L_s` of two (length, diameter), m, with its uncertainty to first order.
 
     Examples
     --------

@@ -20,16 +20,6 @@ def adapters() -> dict[str, Any]:
 def adapter_named(adapter: Any) -> Any:
     """Return an adapter by its name, with its default parameters, or the adapter itself.
 
-    Parameters
-    ----------
-    adapter : str or Adapter
-        A name of `adapters`, or an adapter.
-
-    Raises
-    ------
-    UnknownOptionError
-        If it is neither.
-
     Examples
     --------
     >>> from pamid.adapters.registry import adapter_named

@@ -117,28 +117,7 @@ class SourceProcess:
     def fit(
         cls, rows: SourceRows, y: np.ndarray, weight: np.ndarray, blocks: np.ndarray, *, keep: bool = True
     ) -> tuple[SourceProcess, np.ndarray]:
-        """Choose amplitudes and lengths by their evidence, and condition on the samples.
-
-        Parameters
-        ----------
-        rows : SourceRows
-            The samples, at most `ROWS` of them.
-        y : ndarray, shape (n_samples,)
-            What was measured.
-        weight : ndarray, shape (n_samples,)
-            Weights of the samples, positive.
-        blocks : ndarray of int, shape (n_samples,)
-            Which samples are held out together.
-        keep : bool, default=True
-            Whether the source may take part.
-
-        Returns
-        -------
-        process : SourceProcess
-            The process.
-        held_out : ndarray, shape (n_samples,)
-            Its prediction of each block from all others.
-        """
+        """Fit amplitudes and lengths by evidence; return the process and its prediction of each held-out block."""
         units = np.array(
             [_rms(v) for v in (y, rows.source)]
             + [float(np.std(v)) or 1.0 for v in rows.state.T]

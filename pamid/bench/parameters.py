@@ -477,7 +477,7 @@ class BenchParameters:
         return float(getattr(getattr(self, NUMBERS[name]), name))
 
     def identity(self) -> dict[str, Any]:
-        """Return what identifies the simulator: name, numbers, tolerances and effects, as plain data."""
+        """Return the identity of the simulator: name, numbers, tolerances and effects, as plain data."""
         return {
             "name": self.muscle.name,
             "numbers": self.values(),

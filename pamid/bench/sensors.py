@@ -32,7 +32,7 @@ class Sensor:
     resolution: float = 0.0
 
     def read(self, values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        """Return what the sensor reads at the true ``values``."""
+        """Return the sensor's readings of the true ``values``."""
         out = np.array(values, dtype=float)
         if self.noise:
             out += self.noise * rng.standard_normal(out.shape)

@@ -43,7 +43,7 @@ def _table(cls: type, name: str, raw: Any) -> Any:
 
 
 def read_simulator_file(made: Callable[..., T], classes: Mapping[str, type], path: Path) -> T:
-    """Return what is made of the tables, tolerances and effects of a file, naming the file in every error."""
+    """Build parameters from the tables, tolerances and effects of a file, naming the file in every error."""
     from ..effects.spec import specs_of
 
     raw = read_toml(path, "a simulator file", ERRORS)

@@ -176,7 +176,7 @@ def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
 
 
 def _few(simulator: Simulator) -> np.ndarray | None:
-    """Return what a simulator answers at a few instants at rest; None where it has no answer there."""
+    """Return the output of a simulator at a few instants at rest; None where it has none there."""
     import numpy as np
 
     from ..errors import PamidError

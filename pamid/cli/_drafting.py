@@ -107,7 +107,7 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
 
 
 def way_out(draft: Draft, lacking: list[Input]) -> str:
-    """Return what to do about signals that no column is known for."""
+    """Return the remedy for signals without a known column."""
     wanted = lacking[0]
     if wanted.name == "time":
         return (
@@ -134,7 +134,7 @@ def way_out(draft: Draft, lacking: list[Input]) -> str:
 
 
 def _beside(draft: Draft) -> str:
-    """Return what numbers a file holds beside its samples: the gain of a controller may be among them."""
+    """Return the numbers in a file beside its samples, such as the gain of a controller."""
     held = {k: v for k, v in draft.table.head.items() if isinstance(v, int | float) and not isinstance(v, bool)}
     if not held:
         return ""
@@ -282,7 +282,7 @@ def tried(draft: Draft, read: Callable[[], Any]) -> Any:
 
 
 def disagreement(draft: Draft, log: Any) -> str:
-    """Return what force, pressure and size say against each other; an error where a unit was only assumed."""
+    """Return the contradiction between force, pressure and size; raise where a unit was only assumed."""
     doubt = draft.doubt(log)
     unsure = [g for g in draft.guesses if g.signal in ("P", "F") and not g.sure]
     if doubt and unsure:
@@ -361,7 +361,7 @@ def tell(
 
 
 def following(logs: Sequence[str | Path], options: str, folder: Path) -> list[str]:
-    """Return what to run on logs and a simulator with ports: first how far off it is, then why."""
+    """Return the commands for logs and a simulator with ports: first how far off it is, then why."""
     given = f"{quoted(logs)} {options}"
     return [f"pamid evaluate {given}", f"pamid diagnose {given} --out {quoted([folder / 'diagnosis'])}"]
 

@@ -114,7 +114,7 @@ def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
 
 
 def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[str, str]) -> list[str]:
-    """Return what a log still lacks before a simulator can be compared with it, and how to say it."""
+    """Return the data missing for a comparison of log and simulator, and the option that gives it."""
     signals = _signals(simulator)
     wanted = [p for p in signals if p.kind == "input" and p.start is None and p.name not in columns]
     acting = {p.through for p in simulator.ports if p.through}

@@ -97,7 +97,7 @@ def _is_answer(text: str) -> bool:
 
 @contextlib.contextmanager
 def _kept_up(lines: ProgressLines) -> Iterator[None]:
-    """Let lines go on through a step that takes long, such as a fit."""
+    """Print lines during a long step, such as a fit."""
     ended = threading.Event()
 
     def watch() -> None:

@@ -27,7 +27,7 @@ class Left(NamedTuple):
 
 
 def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
-    """Return what a simulator or a model leaves, by equation."""
+    """Return the residuals of a simulator or a model, by equation."""
     from ..bench.parameters import BenchParameters
 
     if args.model is not None:

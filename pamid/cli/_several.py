@@ -163,7 +163,7 @@ def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
     """Return as much of the log as a diagnosis uses, whole runs, and how many rows there are."""
     from ..bench.parameters import BenchParameters
     from ..gap.settings import MAX_ROWS
-    from ..signals import read_log_part
+    from ..signals.pieces import read_log_part
 
     if isinstance(simulator, BenchParameters) and not args.where:
         return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)

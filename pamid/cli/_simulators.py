@@ -23,7 +23,7 @@ def runs_code(sim: str) -> bool:
     """Return whether diagnosing with a simulator runs code of its own, which the user must allow."""
     from ..simulators import simulator_kinds
     from ..simulators.page import MODELS
-    from ..systems import kind_of_file
+    from ..systems.file import kind_of_file
 
     path = Path(sim)
     if path.suffix.lower() in MODELS:

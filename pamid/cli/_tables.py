@@ -52,7 +52,7 @@ TARGETS = {
 
 
 def equation_of(estimator: Any, wanted: str | None) -> Target:
-    """Return what an estimator predicts: as it says itself, or as the caller says."""
+    """Return the target of an estimator: its own, or the caller's."""
     last = last_step(estimator)
     own = _own_equations(last)
     if len(own) > 1:
@@ -186,7 +186,7 @@ def _setting_of(name: str, settings: dict[str, Any], known: dict[str, Any]) -> t
 
 
 def opened(args: argparse.Namespace) -> tuple[dict[str, Any], Any, Target, Any]:
-    """Return what a model file says of itself, the model, what it predicts, and the simulator file, if one is given."""
+    """Return a model file's description, the model, its target, and the simulator file, if one is given."""
     from .. import persistence
 
     head, model = persistence.inspect(args.model), persistence.load(args.model)

@@ -91,7 +91,7 @@ def note_left_out(args: argparse.Namespace, samples: Samples, told: int) -> int:
 
 
 def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
-    """Return what turns a sample under a log's names into one of the ports, in their units."""
+    """Return a function that converts a sample from a log's names to the ports and their units."""
     import numpy as np
 
     from ..signals import LogMapping

@@ -113,7 +113,7 @@ def load_pieces(
 def load_simulator(path: str) -> BenchParameters:
     """Read a simulator file of the bench."""
     from ..bench.parameters import BenchParameters
-    from ..systems import kind_of_file
+    from ..systems.file import kind_of_file
 
     if (kind := kind_of_file(path)) != "bench":
         raise UnknownOptionError(
@@ -137,7 +137,8 @@ def any_simulator_of(args: argparse.Namespace) -> Any:
 def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
     """Read the simulator file of any kind that the arguments name, or the one in the log's folder; None without one."""
     from ..simulators import simulator_kinds
-    from ..systems import kind_of_file, read_system
+    from ..systems import read_system
+    from ..systems.file import kind_of_file
 
     _note_assumed(args)
     path = _page_path(args)

@@ -76,7 +76,7 @@ class LostMotion(Effect):
         return np.clip(x, now - self.half_width, now + self.half_width)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what is dragged along each run, without a loop over time."""
+        """Return the dragged position along each run, without a loop over time."""
         return play(np.asarray(getattr(s, self.of), dtype=float), self.half_width, starts)[None]
 
 

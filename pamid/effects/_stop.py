@@ -31,6 +31,6 @@ def stops_along(x: Array, width: float, starts: Array) -> Array:
 
 
 def stops_force(z: Array, weights: Sequence[float], slopes: Sequence[float], position: Array) -> Array:
-    """Return what stops hold back, N: −Σ (w + v x) z over the elements, their weights changing with the position."""
+    """Return the force of the stops, N: −Σ (w + v x) z over the elements, their weights changing with the position."""
     parts = ((w + v * position) * element for w, v, element in zip(weights, slopes, z, strict=True))
     return -sum(parts, start=np.zeros(np.shape(z[0])))

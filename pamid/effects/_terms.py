@@ -107,7 +107,7 @@ def restored(effects: Sequence[Effect], log: WholeLog) -> WholeLog:
 
 
 def terms_of(effects: Sequence[Effect], equation: str, log: WholeLog, plant: Plant) -> Terms:
-    """Return what the effects add to the force (N) or to the flow (kg/s); the log is that of the muscle itself."""
+    """Return the sum of the effects in the force (N) or the flow (kg/s), on the log of the muscle itself."""
     n = len(np.asarray(log.signals.pressure))
     offset, columns, of, memory = np.zeros(n), [], [], []
     for i, effect in enumerate(effects):

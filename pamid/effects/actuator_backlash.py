@@ -30,5 +30,5 @@ class ActuatorBacklash(LostMotion):
     parameters = (Parameter("half_width", "-", 0.0, 0.5, 0.03, "half the play"),)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what follows the command with play."""
+        """Return the output that follows the command with play."""
         return np.asarray(x[0])

@@ -349,7 +349,7 @@ class Effect(ABC):
 
     # --- hooks ----------------------------------------------------------------------------------------------
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what is added to the tension, N."""
+        """Return the addition to the tension, N."""
         return 0.0
 
     def braid_pressure(self, s: Signals, plant: Plant) -> Array:
@@ -357,7 +357,7 @@ class Effect(ABC):
         return s.pressure
 
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
-        """Return what is unknown when a run begins: equation, time constant of its decay (s), standard deviation.
+        """Return the unknown initial condition of a run: equation, time constant of its decay (s), standard deviation.
 
         Parameters
         ----------
@@ -373,7 +373,7 @@ class Effect(ABC):
         return False
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return what is added to the flow into the muscle, kg/s, as a + b Ṗ."""
+        """Return the addition to the flow into the muscle, kg/s, as a + b Ṗ."""
         return FlowTerm(0.0, 0.0)
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
@@ -385,11 +385,11 @@ class Effect(ABC):
         return P_supply
 
     def valve(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what is added to the flow through the valve, kg/s."""
+        """Return the addition to the flow through the valve, kg/s."""
         return 0.0
 
     def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what is added to the torque on the joint, N m."""
+        """Return the addition to the torque on the joint, N m."""
         return 0.0
 
     def measure(self, value: Array, x: Array) -> Array:

@@ -49,11 +49,11 @@ class Compliance(Effect):
         return carried(x, s0.force, s1.force, self.frequency, self.damping, dt, ramp=True)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return what is transmitted, and its rate, along each run, without a loop over time."""
+        """Return the transmitted force and its rate along each run, without a loop over time."""
         return carried_along(s.force, dt, self.frequency, self.damping, starts, ramp=True)
 
     def measure(self, value: Array, x: Array) -> Array:
-        """Return what the spring transmits, N."""
+        """Return the force of the spring, N."""
         return x[0]
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:

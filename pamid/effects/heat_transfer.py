@@ -59,7 +59,7 @@ class HeatTransfer(Effect):
         return np.power(3.0 * plant.atmospheric_pressure / P, self.slowing) / self.time_constant
 
     def _gained(self, P0: Array, P1: Array, V: Array, plant: Plant) -> Array:
-        """Return what an adiabatic change of pressure adds to the missing gas, kg."""
+        """Return the missing gas that an adiabatic change of pressure adds, kg."""
         g = plant.heat_capacity_ratio
         return (g - 1.0) / g * V * (P1 - P0) / plant.RT
 

@@ -43,5 +43,5 @@ class OutputBacklash(LostMotion):
     parameters = (Parameter("half_width", "N", 0.0, 1e3, 1.0, "half the play"),)
 
     def measure(self, value: Array, x: Array) -> Array:
-        """Return what is dragged along."""
+        """Return the dragged position."""
         return np.asarray(x[0])

@@ -55,6 +55,6 @@ class PrandtlIshlinskii(Stops):
         return stops_along(path.position, self.width, path.starts)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what the stops hold back, N."""
+        """Return the force of the stops, N."""
         slopes = (self.narrow_slope, self.middle_slope, self.wide_slope)
         return stops_force(x, (self.narrow, self.middle, self.wide), slopes, s.position)

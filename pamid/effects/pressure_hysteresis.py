@@ -54,6 +54,6 @@ class PressureHysteresis(Stops):
     wide_growth: float
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what the stops hold back, N."""
+        """Return the force of the stops, N."""
         growths = (self.narrow_growth, self.middle_growth, self.wide_growth)
         return stops_force(x, (self.narrow, self.middle, self.wide), growths, s.position)

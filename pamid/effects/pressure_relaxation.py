@@ -41,6 +41,6 @@ class PressureRelaxation(Branches):
     slow_growth: float
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what the branches hold back, N."""
+        """Return the force of the branches, N."""
         fast = (self.fast + self.fast_growth * s.position) * (s.pressure - x[0])
         return -fast - (self.slow + self.slow_growth * s.position) * (s.pressure - x[1])

@@ -42,24 +42,7 @@ def _load_library() -> None:
 
 
 def chosen_effects(effects: str | Sequence[str], kind: str = "") -> list[str]:
-    """Return the names of a choice among the library.
-
-    Parameters
-    ----------
-    effects : "all", str or sequence of str
-        The whole library, or some of its names.
-    kind : str, optional
-        Of `pamid.effects.base.KINDS`: "all" are then those that may cause the gap of such a system.
-
-    Returns
-    -------
-    list of str
-        Names, in the order of the library or of the choice.
-
-    Raises
-    ------
-    UnknownOptionError
-        The library has no effect of such a name.
+    """Return the effects of a choice: "all" (of a `kind` of system, if given) or names; raise if one is unknown.
 
     Examples
     --------

@@ -81,14 +81,7 @@ EffectLike = Effect | str | tuple[str, Mapping[str, float]]
 
 
 def effect_of(entry: EffectLike, in_units: bool = False) -> Effect:
-    """Return an effect from an object, a name, or a pair of name and parameters.
-
-    Parameters
-    ----------
-    entry : Effect or str or pair of name and parameters
-        What stands for it.
-    in_units : bool, default=False
-        Whether parameters are in units of their own, so that physical ranges in SI do not hold.
+    """Return an effect from an object, a name or a pair; `in_units`: the parameters are not in SI, so unbounded.
 
     Examples
     --------
@@ -125,11 +118,6 @@ def as_effects(effects: Iterable[EffectLike]) -> list[Effect]:
 
 def specs_of(tables: Any) -> Sequence[EffectSpec]:
     """Return the entries under ``[[effects]]`` of a simulator file; `EffectSpec.of` checks them.
-
-    Raises
-    ------
-    SimulatorTypeError, MissingParameterError
-        It is no list of tables, or one has no name.
 
     Examples
     --------

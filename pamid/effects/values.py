@@ -148,25 +148,7 @@ class Parameter:
 
 
 def checked_value(effect: str, p: Parameter, value: Any, units: str = "all units are SI") -> float:
-    """Return the value of an effect's parameter, once it is known to be a number within its bounds.
-
-    Parameters
-    ----------
-    effect : str
-        Name of the effect, for the message.
-    p : Parameter
-        The parameter, with its unit and bounds.
-    value : float
-        What it is to be, in the parameter's unit.
-    units : str, default="all units are SI"
-        What the message says of the units.
-
-    Raises
-    ------
-    SimulatorTypeError
-        It is no number.
-    ImplausibleParameterError
-        It or its square is not finite, or it is outside the bounds.
+    """Return the value of an effect's parameter; raise unless it is a finite number within its bounds.
 
     Examples
     --------

@@ -211,7 +211,7 @@ def summed(runs: Mapping[str, Sums], unit: str) -> Evaluation:
 
 
 def _few_windows(sums: Mapping[str, Mapping[str, Sums]]) -> Iterator[str]:
-    """Say which errors rest on a few windows of one run, as a wrong first or last reading makes them."""
+    """List errors that rest on a few windows of one run, such as those of a wrong first or last reading."""
     for equation, by_trajectory in sums.items():
         n = sum(part.n for part in by_trajectory.values())
         square, noise = (sum(getattr(p, k) for p in by_trajectory.values()) for k in ("square", "noise"))

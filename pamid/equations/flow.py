@@ -67,7 +67,7 @@ def gas_balance(run: Run, windows: Windows, mdot: np.ndarray, share: float | Non
 
 
 def _stored(run: Run, windows: Windows) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return what a flow changes in the gas's content, that over windows, and the flow that the nominal gas takes."""
+    """Return the change of the gas's content by a flow, that over windows, and the flow that the nominal gas takes."""
     gas = run.model.params.gas
     gamma, RT = gas.heat_capacity_ratio, gas.gas_constant * gas.temperature
     per_flow = run.kept(("per flow", RT, gamma), lambda: RT * run.P ** (1.0 / gamma - 1.0))
@@ -82,7 +82,7 @@ def _stored(run: Run, windows: Windows) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _supplied(run: Run, windows: Windows, mdot: np.ndarray, per_flow: np.ndarray) -> np.ndarray:
-    """Return what a flow brings over windows at held commands, and what more if it goes straight to its next sample."""
+    """Return the content that a held flow adds over windows, and the rest if it is linear to its next sample."""
     supplied = per_flow * mdot
     growth = (1.0 + _opening(run, mdot)) * (per_flow[1:] / per_flow[:-1])
     drift = supplied[:-1] * (growth - 1.0) / 2
@@ -90,7 +90,7 @@ def _supplied(run: Run, windows: Windows, mdot: np.ndarray, per_flow: np.ndarray
 
 
 def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Return what the noise of pressure and angle does to that, as `spread` takes it."""
+    """Return the influence of the noise of pressure and angle on that, as `spread` takes it."""
     p = run.model.params
     RT = p.gas.gas_constant * p.gas.temperature
     change = np.convolve(kernel(run.n, 2), [1.0, -1.0]) / run.dt

@@ -60,7 +60,7 @@ def _nominal_tension(run: Run) -> np.ndarray:
 
 
 def tension_slopes(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Return what a pascal and what a radian more change in that, N/Pa and N/rad."""
+    """Return the derivatives of that by pressure and angle, N/Pa and N/rad."""
     p, plant, h = run.model.params, run.model.plant, 1e-6
     L0 = p.muscle.rest_length
     curvature = (plant.volume_slope(run.eps + h) - plant.volume_slope(run.eps - h)) / (2 * h)

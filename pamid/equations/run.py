@@ -168,7 +168,7 @@ class Run:
         return Windows(self.n, order, first[(share >= _LEAST).all(axis=1)], n_rows, given)
 
     def covariances(self, windows: Windows, channel: str, weights: np.ndarray) -> np.ndarray:
-        """Return what a channel's noise leaves in weighted sums of its restored values, see `Windows.covariances`."""
+        """Return a channel's noise in weighted sums of its restored values, see `Windows.covariances`."""
         response, bridges = self.responses.get(channel), self.stretch.bridges.get(channel)
         if response is not None and (len(response) > 1 or response[0] != 1.0):
             weights = np.convolve(weights, response)
@@ -221,7 +221,7 @@ class Run:
         return plant.rest_length, plant.thread_length, plant.turns, first, radius, p.muscle.rest_length
 
     def kept(self, key: tuple[Any, ...], make: Callable[[], np.ndarray]) -> np.ndarray:
-        """Return what nominal parameters make of the readings, made once for all simulators that share them."""
+        """Return the readings under nominal parameters, computed once for all simulators that share them."""
         return self.geometry.get(key, make)
 
     # --- effects --------------------------------------------------------------------------------------------
@@ -249,7 +249,7 @@ class Run:
         return play(x, _STILL * self.stretch.noises["q"][0].white)
 
     def _signals(self, effect: Effect) -> Signals:
-        """Return what an effect reads, made once for all that read the same of a muscle, or of the joint."""
+        """Return the signals that an effect reads, computed once for all that read the same."""
         p = self.model.params
         geometry = p.joint.pulley_radius, p.muscle.rest_length, p.muscle.initial_contraction
         key = (effect.site, *effect.roles, effect.n_states > 0, *geometry)
@@ -307,7 +307,7 @@ class Run:
                 yield effect, signals, memory
 
     def added_force(self) -> np.ndarray | None:
-        """Return what effects add to the tensions, N; None if none does."""
+        """Return the sum of the effects in the tensions, N, or None."""
         parts = [e.force(s, x, self.model.plant) for e, s, x in self._having("force")]
         return np.asarray(sum(parts)) if parts else None
 
@@ -323,7 +323,7 @@ class Run:
         return total
 
     def added_stiffness(self) -> np.ndarray | float:
-        """Return what a pascal of the pressure readings adds to that, N/Pa; it decides what their noise adds."""
+        """Return the derivative of that by the pressure readings, N/Pa, which propagates their noise."""
         h, total = 10.0, 0.0
         for e, s, x in self._having("force"):
             if "pressure" in e.roles:
@@ -355,7 +355,7 @@ class Run:
         return u
 
     def follows_gradually(self) -> bool:
-        """Return whether what the valves follow changes between two samples of the command."""
+        """Return whether the command that the valves follow changes between two samples."""
         return any(e.n_states and not e.sampled for e, _, _ in self._having("command"))
 
     def inlet_pressure(self) -> Any:
@@ -366,11 +366,11 @@ class Run:
         return P
 
     def added_valve_flow(self) -> np.ndarray | float:
-        """Return what effects add to the flow through the valves, kg/s."""
+        """Return the sum of the effects in the flow through the valves, kg/s."""
         return sum((e.valve(s, x, self.model.plant) for e, s, x in self._having("valve")), start=0.0)
 
     def added_torque(self) -> np.ndarray | float:
-        """Return what effects add to the torque on the joint, N m."""
+        """Return the sum of the effects in the torque on the joint, N m."""
         total: Any = 0.0
         for e, s, x in self._having("torque"):
             part = np.asarray(e.torque(s, x, self.model.plant))
@@ -387,7 +387,7 @@ def _differences(x: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
 
 
 def _local_fit(x: np.ndarray, width: int, deriv: int) -> np.ndarray:
-    """Return what `scipy.signal.savgol_filter` does with fourth degree, its weights computed once for all runs."""
+    """Return `scipy.signal.savgol_filter` of fourth degree, its weights computed once for all runs."""
     from scipy.ndimage import correlate1d
 
     half, weights = width // 2, _local_weights(width, deriv)

@@ -119,7 +119,7 @@ def _even(trajectory: str, time: np.ndarray, columns: dict[str, np.ndarray]) -> 
 
 
 def pool_noise(found: Sequence[Stretch]) -> None:
-    """Let short stretches, which tell their noise within a tenth at best, have it from all stretches together."""
+    """Give short stretches, which show their noise within a tenth at best, the noise of all stretches together."""
     for channel in {name for stretch in found for name in stretch.noises}:
         own = [stretch for stretch in found if channel in stretch.noises]
         rows = np.array([len(stretch.time) for stretch in own], dtype=float)

@@ -69,13 +69,13 @@ def passed(run: Run, shift: float = 0.0) -> np.ndarray:
 
 
 def passed_slope(run: Run) -> np.ndarray:
-    """Return what a pascal more in the muscle changes in that, kg/(s Pa)."""
+    """Return the derivative of that by the muscle's pressure, kg/(s Pa)."""
     h = 50.0  # Pa: wide enough to step over the infinite slope where flow stops
     return (passed(run, h) - passed(run, -h)) / (2 * h)
 
 
 def passed_per_command(run: Run) -> np.ndarray:
-    """Return what opening a nominal valve fully lets through the way it is open, kg/s."""
+    """Return the flow through a fully open nominal valve, in the direction of its command, kg/s."""
     p = run.model.params
     way = np.where(run.u > 0, 1.0, -1.0)
     flow = valve_flow(

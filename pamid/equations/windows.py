@@ -84,7 +84,7 @@ def average(x: np.ndarray, n: int, order: int, first: np.ndarray, contiguous: bo
 
 @cache
 def _blocks(n: int, order: int, columns: int) -> np.ndarray:
-    """Return what turns blocks of samples of several columns into the pieces of their means, as one product."""
+    """Return the matrix that maps blocks of samples to the pieces of their means."""
     weights = np.zeros(order * n)
     weights[: span(n, order)] = kernel(n, order)
     out = np.zeros((n, columns, order, columns))
@@ -159,7 +159,7 @@ class Windows:
     def covariances(
         self, channel: str, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
     ) -> np.ndarray:
-        """Return what the noise of a channel leaves in its weighted sums, with the windows that follow."""
+        """Return the noise of a channel in its weighted sums, with the windows that follow."""
         if bridges is None and self.given is None and self._contiguous:
             found = [[[one.covariance(weights, lag * self.n) for one in noise]] for lag in range(self.order)]
             return np.array(found)

@@ -158,7 +158,7 @@ def _each(operation: Callable[..., Any], operands: tuple[Any, ...]) -> Any:
 
 
 def by_ufunc(ufunc: Any, method: str, inputs: tuple[Any, ...]) -> Symbol:
-    """Return what an elementwise function of numpy makes of symbols and numbers."""
+    """Apply an elementwise function of numpy to symbols and numbers."""
     if method == "__call__" and ufunc.__name__ in _MADE:
         return _MADE[ufunc.__name__](*map(as_symbol, inputs))
     if method != "__call__" or ufunc not in _UFUNCS:

@@ -64,7 +64,7 @@ class Tracer:
         return np.zeros(0) if place is None else Symbols.of([symbol(f"x{k}") for k in range(place.start, place.stop)])
 
     def added(self, effect: Effect, equation: str) -> Any:
-        """Return what an effect adds to the force (N) or the flow (kg/s), from the muscle's signals and its states."""
+        """Return an effect's force (N) or flow (kg/s), from the muscle's signals and its states."""
         if equation not in effect.hooks():
             return 0.0
         s: Any = _signals("").with_(time=0.0 * symbol("P"))

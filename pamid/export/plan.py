@@ -231,7 +231,7 @@ def muscle_of(model: Any) -> Plant:
 
 
 def _along(model: Any, x: np.ndarray, ask: Callable[[Any], Any]) -> Any:
-    """Return what a model with memory says along one path of readings."""
+    """Return the prediction of a model with memory along one path of readings."""
     import pandas as pd
 
     names = [str(n) for n in model.feature_names_in_]
@@ -258,7 +258,7 @@ def _output(law: Law, effects: Sequence[Effect], plant: Plant | None, tracer: Tr
 
 
 def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: State) -> Any:
-    """Return what the effects add to a law's prediction."""
+    """Return the sum of the effects in a law's prediction."""
     total: Any = 0.0
     for effect in effects:
         if law.equation not in effect.equations:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
-    """Return what a simulator with ports, or one that states its equation, leaves of a log, in the units there."""
+    """Return the residuals of a simulator with ports, or of its equation, on a log, in the units there."""
     if not simulator.states_equation:
         return evidence_of(log, simulator)
     problem = simulator.problem(log)

@@ -29,7 +29,7 @@ _STUCK_SHARE = 0.02  # share of the range by which others must move for a readin
 
 
 def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: float | None = None) -> OnEquation:
-    """Return an equation on a log, under effects that act in a sense; an interval, s, serves where no time is told."""
+    """Return an equation on a log, under effects that act in a sense; an interval, s, serves without a time column."""
     import pandas as pd
 
     X, roles, codes = problem.X, dict(problem.roles), problem.codes

@@ -130,7 +130,7 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
     .. math:: \frac{\mathrm{d}}{\mathrm{d}t}\left(P^{1/\gamma} V\right) = P^{1/\gamma - 1} R T\, \dot m,
 
     so that a log can be compared with it over a window without differentiating a noisy pressure: the change of S
-    over the window is the integral of `entropic_supply`.
+    over the window is the integral of the right-hand side.
 
     Parameters
     ----------
@@ -151,28 +151,3 @@ def entropic_content(P: Array, V: Array, *, heat_capacity_ratio: Array = HEAT_CA
     1.0
     """
     return P ** (1.0 / heat_capacity_ratio) * V
-
-
-@explained_by(pressure_rate)
-def entropic_supply(
-    P: Array,
-    mdot: Array,
-    *,
-    heat_capacity_ratio: Array = HEAT_CAPACITY_RATIO,
-    gas_constant: Array = GAS_CONSTANT,
-    temperature: Array = TEMPERATURE,
-) -> Array:
-    r"""Rate at which a flow feeds `entropic_content`: :math:`P^{1/\gamma - 1} R T\, \dot m`.
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        d(P^{1/γ} V)/dt, Pa^{1/γ} m³/s.
-
-    Examples
-    --------
-    >>> from pamid.laws.gas import entropic_supply
-    >>> print(f"{entropic_supply(3e5, 1e-4):.4f}")
-    0.2290
-    """
-    return P ** (1.0 / heat_capacity_ratio - 1.0) * gas_constant * temperature * mdot

@@ -78,5 +78,5 @@ class AntagonisticJoint:
         return (self.torque(F1, F2) - self.viscous_damping * dq + external_torque) / self.inertia
 
     def residual(self, F1: Array, F2: Array, dq: Array, ddq: Array) -> Array:
-        """Return what the equation of motion leaves, r (F₁ − F₂) − b_q q̇ − J q̈, in N m."""
+        """Return the residual of the equation of motion, r (F₁ − F₂) − b_q q̇ − J q̈, in N m."""
         return self.torque(F1, F2) - self.viscous_damping * dq - self.inertia * ddq

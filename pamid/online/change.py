@@ -291,7 +291,7 @@ class ChangeMonitor:
 
 
 def evidence(p: Any) -> Any:
-    """Return what a rank p says for a change: the logarithm of κ p^(κ−1), whose mean is at most 1 without one."""
+    """Return the evidence of a rank p for a change, log κ p^(κ−1); its exponential has mean at most 1 without one."""
     return np.log(KAPPA) - (1.0 - KAPPA) * np.log(p)
 
 
@@ -314,7 +314,7 @@ def rank_autocorrelation(x: np.ndarray) -> float:
 
 
 def limit(n_healthy: int, n_blocks: int, correlation: float, share: float, seed: int) -> float:
-    """Return what C exceeds in a share of streams without a change, by simulation."""
+    """Return the quantile of C over streams without a change, by simulation."""
     rng = np.random.default_rng(seed)
     most = [_highest(n_healthy, n_blocks, correlation, rng) for _ in range(0, STREAMS, AT_ONCE)]
     return float(np.quantile(np.concatenate(most), 1.0 - share))

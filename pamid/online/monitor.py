@@ -328,7 +328,7 @@ class GapMonitor:
 
 
 def _line(modelled: np.ndarray, measured: np.ndarray) -> tuple[float, float]:
-    """Return factor and offset of the model that fit what is measured, whatever a few wild samples say."""
+    """Return factor and offset of the model that fit the measurements, robust to a few outliers."""
     known = np.isfinite(measured) & np.isfinite(modelled)
     unit = float(np.std(measured[known])) or 1.0
     factor, offset = 1.0, 0.0

@@ -38,7 +38,7 @@ Block = tuple[bool, dict[str, np.ndarray]]
 
 
 def slope_weights(interval: float) -> np.ndarray:
-    """Return what `numpy.convolve` turns samples into their rates with, 1/s, from `HALF_WIDTH` on either side."""
+    """Return the kernel for rates by `numpy.convolve`, 1/s, over `HALF_WIDTH` samples on either side."""
     n = HALF_WIDTH
     # The slope of a parabola through 2 n + 1 samples is that of a straight line.
     return np.arange(n, -n - 1, -1) / (n * (n + 1) * (2 * n + 1) / 3.0) / interval
@@ -97,7 +97,7 @@ class Samples:
         return [block for early in waiting for block in self._follow(early)]
 
     def end(self) -> list[Block]:
-        """Return what is left at the end of the stream."""
+        """Return the last block, at the end of the stream."""
         out = self._cut(whole=True)
         self._rows = []
         return out

@@ -81,7 +81,7 @@ def _unit(simulator: Simulator, name: str) -> str:
 
 
 def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
-    """Return what a log says of some numbers, fitted in one Gauss–Newton step beside the simulator's effects."""
+    """Estimate some numbers from a log, in one Gauss–Newton step beside the simulator's effects."""
     simulator = with_tolerance(simulator, [n for n in names if n in simulator.parameters], _NEAR)
     evidence = evidence_of(log, simulator)
     mine = [n for n in evidence.free if n in names]
@@ -108,7 +108,7 @@ def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> 
 
 
 def settled(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
-    """Return what a log says of some numbers that may be far from where the simulator stands: steps until they stay."""
+    """Estimate some numbers, which may be far from the simulator's, from a log: iterate until they converge."""
     for _ in range(_STEPS):
         found = estimates(log, simulator, names)
         there = dict(zip(found.names, map(float, found.values), strict=True))
@@ -120,7 +120,7 @@ def settled(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Es
 
 
 def _solved(J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the step, the covariance for unit noise, and the variance of what is left."""
+    """Return the step, the covariance for unit noise, and the residual variance."""
     A = J.T @ (w[:, None] * J) + np.diag(prior)
     size = np.sqrt(np.maximum(np.diag(A), _ROUND))
     cov = np.linalg.pinv(A / np.outer(size, size) + _ROUND * np.eye(len(size)), hermitian=True) / np.outer(size, size)
@@ -130,7 +130,7 @@ def _solved(J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray) -> t
 
 
 def _effect_columns(log: pd.DataFrame, simulator: Simulator, evidence: PortEvidence) -> list[np.ndarray]:
-    """Return what a small relative change of each number of the simulator's effects does to the residuals."""
+    """Return the change of the residuals by a small relative change of each number of the simulator's effects."""
     found = []
     for k, (name, where, values) in enumerate(simulator.effects):
         for key, value in values.items():

@@ -273,7 +273,7 @@ def _moved(fitted: Simulator, found: Diagnosis) -> Simulator:
 
 
 def _closes(found: Diagnosis) -> bool:
-    """Return whether what is missing closes most of the gap on held-out runs."""
+    """Return whether the missing physics closes most of the gap on held-out runs."""
     shares = {e.equation: e.share for e in found.equations}
     closed = sum(shares.get(c.equation, 0.0) * c.closed_share for c in found.closure)
     return bool(found.gap and found.added and closed > MOST * sum(shares.values()))
@@ -343,7 +343,7 @@ def _opened(j: Judgement) -> Judgement:
 
 
 def _next(found: Diagnosis, flat: Sequence[Open]) -> str:
-    """Say what another run would have to do; nothing where none is needed."""
+    """Describe the run that is needed next; empty where none is."""
     from ..report.sentences import experiment
 
     if found.next_experiment is not None:

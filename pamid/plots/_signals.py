@@ -71,7 +71,7 @@ def same_length(**arrays: np.ndarray) -> None:
 
 
 def predicted(estimator: Any, X: Any) -> np.ndarray:
-    """Return what an estimator predicts, of the columns that it was fitted on."""
+    """Return the prediction of an estimator from the columns that it was fitted on."""
     names = [n for n in getattr(estimator, "feature_names_in_", ()) if n in getattr(X, "columns", ())]
     table = X[names] if names else X
     return np.asarray(estimator.predict(table), dtype=float).reshape(len(X), -1)[:, 0]

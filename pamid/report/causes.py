@@ -41,7 +41,7 @@ def cause_names(cause: Cause, words: Words) -> list[str]:
 
 
 def either(cause: Cause, words: Words) -> str:
-    """Return what a cause may be, in a few words, each place said once."""
+    """Describe a cause in a few words, each place once."""
     at: dict[str, list[str]] = {}
     for name, port, _ in _alternatives(cause, words):
         if name in (DEVIATION, DRIFT):

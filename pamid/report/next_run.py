@@ -40,7 +40,7 @@ def summary(plan: Plan) -> str:
 
 
 def outcomes(plan: Plan) -> list[str]:
-    """Return what each outcome would mean, and what would stay open."""
+    """Return the meaning of each outcome, and what would stay open."""
     found = []
     if plan.purpose == "unseen":
         for e in plan.expected if plan.runs else []:

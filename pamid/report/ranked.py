@@ -27,7 +27,7 @@ def certainty(d: Diagnosis, c: Candidate) -> float:
 
 
 def closes(d: Diagnosis, c: Candidate) -> str:
-    """Return what share of the gap a candidate closes by itself, or as one of several causes with the others."""
+    """Return the share of the gap that a candidate closes alone, or as one of several causes with the others."""
     if c.effect in NOT_EFFECTS:
         return ""
     cause = _cause_of(d, c)

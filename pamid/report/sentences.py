@@ -151,7 +151,7 @@ def _more(d: Diagnosis) -> str:
 
 
 def _reserve(d: Diagnosis, main: list[Cause]) -> str:
-    """Return what is added to names of which a cause beyond the library cannot be excluded."""
+    """Return the reserve on names where a cause beyond the library cannot be excluded."""
     if not any(c.with_reserve for c in main):
         return ""
     them = "them" if len(main) > 1 else "it"
@@ -394,7 +394,7 @@ def how_far(d: Diagnosis) -> str:
 
 
 def _by_itself(c: Closure) -> str:
-    """Return what the corrected simulator closes where the fit allows for more than it holds."""
+    """Return the closure of the corrected simulator where the fit allows for more than it holds."""
     if not c.allowed:
         return ""
     kind, _, of = c.allowed.partition(" of ")
@@ -406,7 +406,7 @@ def _by_itself(c: Closure) -> str:
 
 
 def _unseen(d: Diagnosis) -> str:
-    """Return what the fit had not seen: whole runs, or pieces if a simulator's log has one or two runs."""
+    """Return the held-out units: whole runs, or pieces if a simulator's log has one or two runs."""
     few = any(c.where for c in d.causes) and d.windows["trajectory"].nunique() < _FEW_RUNS
     return "pieces of the log" if few else "runs"
 
@@ -432,7 +432,7 @@ def _noise(c: Closure) -> str:
 
 # --- next ---------------------------------------------------------------------------------------------------
 def experiment(e: NextExperiment) -> str:
-    """Return what to record next."""
+    """Return the advice on the next recording."""
     kind = str(e.trajectory.get("kind", "a run")).replace("_", " ")
     numbers = (
         _motions(e.trajectory)
@@ -457,7 +457,7 @@ def experiment(e: NextExperiment) -> str:
 
 
 def _motions(run: Mapping[str, Any]) -> list[str]:
-    """Return what each signal of a designed run does: held, or a sine about its middle."""
+    """Describe each signal of a designed run: held, or a sine about its middle."""
     said = [f"{run['seconds']:.3g} s"] if "seconds" in run else []
     for name in run:
         if name in ("kind", "seconds") or name.endswith(("_amplitude", "_frequency")):

@@ -63,7 +63,7 @@ class Words(NamedTuple):
         return equation in self.units
 
     def equation(self, name: str) -> str:
-        """Return what an equation is called: a bench's by its title, that of ports by what it balances."""
+        """Return the title of an equation: the bench's own, or the quantity that a port's balances."""
         from ..equations import all_equations
 
         known = all_equations()
@@ -110,7 +110,7 @@ class Words(NamedTuple):
         return found._replace(words="error") if self.is_at_ports(equation) else found
 
     def residual_words(self, name: str, words: str = "") -> str:
-        """Return what the residual of an equation is called."""
+        """Return the name of an equation's residual."""
         if self.is_at_ports(name):
             told = self.equation(name)
             return f"error of {told}" if told == name else f"error of the {told}"

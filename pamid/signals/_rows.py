@@ -42,7 +42,7 @@ class Notes:
     lost: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
     def losses(self) -> list[str]:
-        """Return what was lost, one clause per file."""
+        """Describe the losses, one clause per file."""
         return [f"{name}: {'; '.join(said)}" for name, said in self.lost.items()]
 
     def sentences(self) -> list[str]:

@@ -25,7 +25,7 @@ class End(NamedTuple):
 
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the end of a sensor's range, if readings that otherwise hardly repeat are exactly there."""
+    """Return the end of a sensor's range, if readings that otherwise rarely repeat are exactly there."""
     return _standing(x, np.abs(x), spans)
 
 

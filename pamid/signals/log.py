@@ -258,33 +258,7 @@ def _require(value: str, name: str, offered: tuple[str, ...]) -> None:
 
 
 def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
-    """List the log files that paths, folders and patterns name.
-
-    Parameters
-    ----------
-    paths : str, Path or iterable of them
-        Files, folders or patterns.
-
-    Returns
-    -------
-    list of Path
-        In natural order within a folder or pattern; each file once.
-
-    Raises
-    ------
-    LogNotFoundError
-        If a path matches nothing.
-
-    Examples
-    --------
-    >>> import tempfile, pathlib
-    >>> from pamid.signals import find_logs
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     for name in ("run10.csv", "run9.csv", "notes.md"):
-    ...         _ = (pathlib.Path(folder) / name).write_text("time,q")
-    ...     [p.name for p in find_logs(folder)]
-    ['run9.csv', 'run10.csv']
-    """
+    """List the log files that paths, folders and patterns name, in natural order, each once."""
     if getattr(paths, "columns", None) is not None:
         raise ParameterError(
             f"The log to read is a {type(paths).__name__}, which is a table already.",

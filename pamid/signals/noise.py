@@ -46,31 +46,10 @@ def median(x: np.ndarray) -> float:
 
 
 def quantisation_step(y: np.ndarray) -> float:
-    """Find the step of a quantised signal.
+    """Return the step of a quantised signal, 0 if there is none.
 
-    Parameters
-    ----------
-    y : ndarray, shape (n_samples,)
-        A signal, in any unit.
-
-    Returns
-    -------
-    float
-        The step, in the unit of y; 0 if the values do not lie on a grid of at least ten times fewer levels than
-        samples.
-
-    Notes
-    -----
-    The step is the smallest difference between neighbouring levels, kept if nine in ten differences between
-    successive samples are whole multiples of it.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from pamid.signals import quantisation_step
-    >>> step = quantisation_step(np.round(np.sin(np.linspace(0, 20, 5000)) / 0.01) * 0.01)
-    >>> round(step, 6)
-    0.01
+    The step is the smallest difference between neighbouring levels, kept if nine in ten differences between successive
+    samples are whole multiples of it, and levels are ten times fewer than samples.
     """
     y = np.asarray(y, dtype=float).ravel()
     levels = np.unique(y)

@@ -161,26 +161,7 @@ _RULES: dict[str, Callable[[str, _Range, float], UnitFinding | None]] = {
 
 
 def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[UnitFinding]:
-    """List the signals of a table whose values are plainly in another unit than SI.
-
-    Parameters
-    ----------
-    table : DataFrame, State, or mapping of names to arrays
-        Signals by name; other columns are ignored.
-    ambient_pressure : float, default=101325.0
-        Ambient pressure, Pa, absolute: an absolute pressure does not stay far below it.
-
-    Returns
-    -------
-    list of UnitFinding
-        Empty where nothing is plainly wrong.
-
-    Examples
-    --------
-    >>> from pamid.signals import implausible_units
-    >>> [f.text for f in implausible_units({"length": [120.0, 118.0]})]
-    ['length 120 looks like mm; expected m.']
-    """
+    """List the signals of a table whose values are plainly in another unit than SI."""
     if hasattr(table, "_asdict"):
         table = table._asdict()
     findings = []

@@ -82,7 +82,7 @@ def sampling_grid(t: Any = None, sampling_period: float | None = None, *, warn: 
 
 
 def irregularity(t: np.ndarray) -> str | None:
-    """Return what is irregular about increasing times, if it deserves a warning."""
+    """Describe the irregularity of increasing times, if it deserves a warning."""
     steps = np.diff(t)
     if not steps.size:
         return None

@@ -141,24 +141,7 @@ class TrajectoryKFold(_TrajectorySplitter):
 
 
 def kind_of(trajectory: Any) -> str:
-    """Return the kind of a run: the first part of its name, up to the first ``-``.
-
-    Parameters
-    ----------
-    trajectory : str
-        Name of a run, such as ``"sine-4-25"``.
-
-    Returns
-    -------
-    str
-        Such as ``"sine"``.
-
-    Examples
-    --------
-    >>> from pamid.signals import kind_of
-    >>> kind_of("step-0--15")
-    'step'
-    """
+    """Return the kind of a run: its name up to the first ``-``, such as "step" for "step-0--15"."""
     return str(trajectory).split("-", 1)[0].split("@", 1)[0]
 
 

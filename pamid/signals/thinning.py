@@ -112,30 +112,7 @@ def spaced(n: int, count: int, *, at_most: bool = False) -> slice:
 
 
 def whole_trajectories(log: pd.DataFrame, most: int, rows: Sequence[slice] | None = None) -> pd.DataFrame:
-    """Keep runs spread evenly over a log, each whole, up to so many rows in all.
-
-    Parameters
-    ----------
-    log : DataFrame
-        Tidy frame with a column ``trajectory``.
-    most : int
-        Maximum number of rows; the last run is cut there, and so is a single run that is longer.
-    rows : sequence of slice, optional
-        Rows of each run, where they are known.
-
-    Returns
-    -------
-    DataFrame
-        The log itself if it is short enough, else the kept rows with their labels.
-
-    Examples
-    --------
-    >>> import pandas as pd
-    >>> from pamid.signals import whole_trajectories
-    >>> log = pd.DataFrame({"trajectory": list("aabbccdd"), "time": [0, 1] * 4})
-    >>> whole_trajectories(log, 4)["trajectory"].tolist()
-    ['a', 'a', 'd', 'd']
-    """
+    """Return runs spread evenly over a log, each whole, up to `most` rows in all; the last one is cut there."""
     if len(log) <= most:
         return log
     if rows is None:

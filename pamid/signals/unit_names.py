@@ -168,33 +168,7 @@ _QUANTITY = re.compile(r"^\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)
 
 
 def parse_quantity(value: float | str, signal: str | None = None) -> float:
-    """Turn a number, or a number with a unit, into SI.
-
-    Parameters
-    ----------
-    value : float or str
-        A number in SI, or a text such as ``"17.45 cm"``.
-    signal : str, optional
-        Name of the signal or constant it is for, to check the dimension.
-
-    Returns
-    -------
-    float
-        The value in SI.
-
-    Raises
-    ------
-    MappingError
-        If the text is not a number.
-    UnitError
-        If its unit is unknown or of another dimension.
-
-    Examples
-    --------
-    >>> from pamid.signals import parse_quantity
-    >>> round(parse_quantity("18.2 cm"), 4)
-    0.182
-    """
+    """Return a number, or a text such as ``"17.45 cm"``, in SI; raise if its unit does not suit the `signal`."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     match = _QUANTITY.match(value) if isinstance(value, str) else None

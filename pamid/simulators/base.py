@@ -223,7 +223,7 @@ class Simulator:
         return out
 
     def doubts(self, log: pd.DataFrame) -> list[str]:
-        """Return what a log has against its units and the reference of its pressure."""
+        """Return doubts about the units of a log and the reference of its pressure."""
         return []
 
     def corrected(self, effects: Sequence[Any], sense: int, unit: str) -> Simulator:
@@ -231,7 +231,7 @@ class Simulator:
         raise NotImplementedError
 
     def identity(self) -> dict[str, Any]:
-        """Return what identifies the simulator: kind, ports, numbers, tolerances and effects, as plain data."""
+        """Return the identity of the simulator: kind, ports, numbers, tolerances and effects, as plain data."""
         return {
             "name": self.kind,
             "kind": self.kind,

@@ -76,7 +76,7 @@ def ends_of(where: str) -> tuple[str, str] | None:
 
 
 def read_between(given: Any) -> list[Between]:
-    """Return what ``[[between]]`` of a simulator file says."""
+    """Return the entries ``[[between]]`` of a simulator file."""
     if not isinstance(given, list) or not all(isinstance(b, dict) for b in given):
         raise SimulatorSyntaxError("between is not a list of tables.", "[[between]]", "Write one [[between]] each.")
     return [_between(b) for b in given]

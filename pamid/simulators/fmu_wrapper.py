@@ -132,7 +132,7 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
 
 
 def _force(simulator: FmuSimulator, kind: str, where: str, effect: Any, places: Mapping[str, str]) -> str:
-    """Return what an effect at a joint or chamber adds to the input through which it acts."""
+    """Return the addition of an effect at a joint or chamber to the input through which it acts."""
     port = simulator.port(where)
     s, used = Signals(), {}
     given = {"position": port.position, "velocity": port.velocity} if kind == "joint" else {"pressure": port.level}

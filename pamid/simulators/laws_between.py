@@ -41,7 +41,7 @@ class Play(Effect):
     damping: ClassVar[float] = 0.0
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return what the coupling does not transmit within the play."""
+        """Return the force that the coupling does not transmit within the play."""
         free = (1.0 - self.damped) * self.damping * s.velocity
         within = np.abs(s.position) < self.half_width
         return self.stiffness * np.clip(s.position, -self.half_width, self.half_width) + np.where(within, free, 0.0)

@@ -147,7 +147,7 @@ def loaded_model(path: Path) -> Any:
 
 
 def given_state(path: Path, m: Any) -> int:
-    """Return what of a state is given to a model: positions, speeds, commands and forces at joints."""
+    """Return the given part of a model's state: positions, speeds, commands and forces at joints."""
     kinds = mujoco_module().mjtState
     spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
     if mujoco_module().mj_stateSize(m, spec) != 3 * m.nv + m.nu:
@@ -157,7 +157,7 @@ def given_state(path: Path, m: Any) -> int:
 
 @contextlib.contextmanager
 def running(path: Path) -> Iterator[None]:
-    """Tell what MuJoCo cannot go on with, such as more contacts than it has memory for."""
+    """Raise `SimulatorRunError` where MuJoCo stops in the block, as on more contacts than it has memory for."""
     mj = mujoco_module()
     try:
         yield

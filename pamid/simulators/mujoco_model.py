@@ -197,7 +197,7 @@ class MujocoSimulator(Simulator):
         return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
 
     def _bearers(self, kind: str) -> list[str]:
-        """Return what has a number of a kind: gains have servos alone."""
+        """Return the elements that have a number of a kind: only servos have gains."""
         if kind in PAYLOAD:
             return list(self._hands)
         names = _names(self._m, NUMBERS[kind]) if kind in NUMBERS else []

@@ -41,12 +41,12 @@ def write_moments(m: Any, d: Any, out: np.ndarray) -> None:
 
 
 def limits_tendons(m: Any) -> bool:
-    """Tell whether the forces of actuators are limited at a tendon."""
+    """Return whether the forces of actuators are limited at a tendon."""
     return _version() >= (3, 3, 1) and bool(np.any(m.tendon_actfrclimited))
 
 
 def keeps_commands() -> bool:
-    """Tell whether actuators have histories of commands, and delays."""
+    """Return whether actuators have histories of commands, and delays."""
     return _version() >= (3, 5)
 
 
@@ -93,7 +93,7 @@ def spec_item(spec: Any, m: Any, what: str, name: str) -> Any:
 
 
 def _unnamed(spec: Any, m: Any, what: str, name: str) -> Any:
-    """Return what the model gives no name and pamid names by its number."""
+    """Return the unnamed elements, which pamid names by their numbers."""
     items = list({"body": spec.bodies, "joint": spec.joints, "actuator": spec.actuators}[what])
     count, k = {"body": m.nbody, "joint": m.njnt, "actuator": m.nu}[what], name.removeprefix(what)
     if len(items) != count or not k.isdigit() or items[int(k)].name:  # static bodies are fused, say

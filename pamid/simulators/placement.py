@@ -161,7 +161,7 @@ class Placement:
         return out
 
     def force(self, made: Effect, s: Signals, x: Any) -> Any:
-        """Return what an effect adds to a force or to the rate of what is stored, in the unit of the port."""
+        """Return an effect's force, or its rate of a stored quantity, in the unit of the port."""
         total: Any = 0.0
         hooks = made.hooks()
         for hook in ("force", "torque"):
@@ -205,7 +205,7 @@ class Placement:
         return np.asarray(made.command(s.command, s, x, self.plant), dtype=float) * self.scales.command
 
     def reading(self, made: Effect, y: np.ndarray, dt: float, starts: np.ndarray) -> np.ndarray:
-        """Return what a sensor reads of y, along runs."""
+        """Return a sensor's reading of y, along runs."""
         s = Signals(**{role: y / self.scales.target for role in ("position", "force", "flow", "pressure")})
         x = made.trace(s, self.plant, dt * self.scales.time, starts) if made.n_states else np.zeros((0,))
         return np.asarray(made.measure(y / self.scales.target, x), dtype=float) * self.scales.target

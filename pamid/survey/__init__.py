@@ -11,7 +11,6 @@ _HOME = {
     "Coverage": "coverage",
     "Answerable": "answerable",
     "Separation": "separation",
-    "survey_html": "page",
 }
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOME)

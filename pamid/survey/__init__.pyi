@@ -3,7 +3,6 @@
 from .answerable import Answerable as Answerable
 from .channels import Channel as Channel
 from .coverage import Coverage as Coverage
-from .page import survey_html as survey_html
 from .sampling import Sampling as Sampling
 from .separation import Separation as Separation
 from .survey import Survey as Survey
@@ -15,5 +14,4 @@ __all__ = [
     "Sampling",
     "Separation",
     "Survey",
-    "survey_html",
 ]

@@ -323,7 +323,7 @@ WORDS = {"F": "a force", "mdot": "a mass flow", "u": "the valve's command", "P":
 
 
 def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind: str = "bench") -> list[Answerable]:
-    """Return what can be answered from a log."""
+    """Return the questions that a log can answer."""
     has = frozenset(key for key, names in _SETS.items() if set(names) & set(columns))
     facts = Facts(has, coverage, sampling)
     found = []

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..signals import noise_level, quantisation_step
+from ..signals import noise_level
+from ..signals.noise import quantisation_step
 from ..signals.stretches import stuck_rows
 from ..signals.thinning import spaced
 from ..signals.units import SI_UNITS, base_name, dimension_of

@@ -96,7 +96,7 @@ def first_of(log: pd.DataFrame, names: tuple[str, ...]) -> str:
 
 
 def coverage_of(log: pd.DataFrame, sampling: Sampling) -> Coverage:
-    """Return what a tidy log excites between its pauses."""
+    """Return the excitation of a tidy log between its pauses."""
     log = between_pauses(log, sampling.period)
     longest = max((float(np.ptp(run["time"])) for _, run in log.groupby("trajectory", sort=False)), default=0.0)
     sampling = replace(sampling, longest=min(sampling.longest, longest))
@@ -130,7 +130,7 @@ def _moves(log: pd.DataFrame, position: str) -> bool:
 
 
 def _held(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling) -> dict[str, object]:
-    """Return what runs excite in which the position stands, or is not logged."""
+    """Return the excitation of runs in which the position stands, or is not logged."""
     runs = [run[pressure].dropna().to_numpy(dtype=float) for _, run in log.groupby("trajectory", sort=False)]
     found: dict[str, object] = {"bandwidth": _bandwidth([_spectrum(p, sampling.period) for p in runs if len(p) > 20])}
     if position:

@@ -17,31 +17,7 @@ _BADGE = {"yes": "none", "partly": "class", "no": "unknown"}
 
 
 def survey_html(found: Survey, log: pd.DataFrame, name: str = "") -> str:
-    """Return a survey as a page.
-
-    Parameters
-    ----------
-    found : Survey
-        What to show.
-    log : DataFrame
-        The log, for the pictures.
-    name : str, default=""
-        What the log is called.
-
-    Returns
-    -------
-    str
-        Self-contained HTML with its pictures and its style. All text is escaped.
-
-    Examples
-    --------
-    >>> from pamid.bench import BenchParameters, simulate, sine
-    >>> from pamid.survey.survey import survey
-    >>> log = simulate(BenchParameters.for_muscle("B"), [sine(4, 15, 800), sine(8, 10, 800)])
-    >>> from pamid.survey import survey_html
-    >>> survey_html(survey(log), log, "bench.parquet").startswith("<!")
-    True
-    """
+    """Return a survey as a self-contained HTML page, with pictures of the log; all text is escaped."""
     from markupsafe import Markup
 
     from ..report import page as report

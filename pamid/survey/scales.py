@@ -21,7 +21,7 @@ _LEAST_RISE = 2e4  # Pa above the ambient pressure, below which nothing can be t
 
 
 def scale_doubts(log: pd.DataFrame) -> list[str]:
-    """Say which forces and flows of a log are far from what its pressures can make, for any muscle."""
+    """List the forces and flows of a log that are far from what its pressures can make, for any muscle."""
     found = []
     for pressure in (c for c in map(str, log.columns) if base_name(c) in ("P", "p", "p_gauge") and _is_reading(c)):
         P = log[pressure].to_numpy(dtype=float)

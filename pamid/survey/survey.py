@@ -211,7 +211,7 @@ def _system_warnings(log: pd.DataFrame, system: System) -> list[str]:
 
 
 def _record(s: Survey) -> list[str]:
-    """Return what to record next: the run that splits most, then what the questions without an answer ask for."""
+    """Return the next recordings: the run that splits most, then those for questions without an answer."""
     told = []
     if s.next_run is not None:
         own = {k: v for k, v in s.next_run.items() if k not in ("splits", "kind")}

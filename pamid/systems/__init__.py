@@ -13,10 +13,6 @@ _HOME = {
     "System": "base",
     "all_systems": "registry",
     "read_system": "file",
-    "kind_of_file": "file",
-    "system_text": "file",
-    "draft_for": "draft",
-    "compare_system": "comparison",
 }
 """In which module each public name lives."""
 

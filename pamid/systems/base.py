@@ -232,7 +232,7 @@ class System(Simulator, ABC):
         return [q.name for q in cls.quantities if q.default is None]
 
     def identity(self) -> dict[str, Any]:
-        """Return what identifies the system: kind, numbers and effects, as plain data."""
+        """Return the identity of the system: kind, numbers and effects, as plain data."""
         return {
             "name": self.kind,
             "kind": self.kind,
@@ -301,7 +301,7 @@ class System(Simulator, ABC):
 
     @classmethod
     def text(cls, values: Mapping[str, Any], assumed: Collection[str] = ()) -> str:
-        """Return the commented simulator file of such a system, see `pamid.systems.system_text`."""
+        """Return the commented simulator file of such a system, see `pamid.systems.file.system_text`."""
         lines = [
             f"# Simulator: {cls.title}.",
             f"# Nominal equation: {cls.law}",
@@ -323,7 +323,7 @@ class System(Simulator, ABC):
         return "\n".join(lines) + "\n"
 
     def problem(self, log: pd.DataFrame) -> Problem:
-        """Return what is measured, what the model says, its effects included, and the signals that effects may follow.
+        """Return the measured and the modelled side, its effects included, and the signals that effects may follow.
 
         Parameters
         ----------
@@ -364,14 +364,14 @@ class System(Simulator, ABC):
         return problem._replace(nominal=WithEffects(problem, self.effects, sense))
 
     def doubts(self, log: pd.DataFrame) -> list[str]:
-        """Return what force, pressure and size of a log have against its units and the reference of its pressure."""
+        """Return doubts about units and pressure reference, from force, pressure and size of a log."""
         from .reference import doubts
 
         return doubts(log, self)
 
     @abstractmethod
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
-        """Return what is measured, what the model says without effects, and the signals that effects may follow.
+        """Return the measured side, the modelled one without effects, and the signals that effects may follow.
 
         Parameters
         ----------

@@ -137,7 +137,7 @@ class Draft:
         return lacking
 
     def assign(self, signal: str, column: str, unit: str = "", reference: str = "", scale: float = 1.0) -> None:
-        """Say which column a signal comes from."""
+        """Name the column that a signal comes from."""
         self._check_dimension(signal, column, unit, scale)
         source = "value"
         if signal in ("length", "shortening"):
@@ -292,7 +292,7 @@ class Draft:
         return [name for name, n in changes.items() if 1 < n < len(frame) / 20 and name not in known][:3]
 
     def doubt(self, log: pd.DataFrame) -> str:
-        """Return what force, pressure and the given numbers say against each other; empty where they agree."""
+        """Return the contradiction between force, pressure and the given numbers; empty where they agree."""
         if self.kind == "bench" or set(self.assumed()) & set(_TYPICAL):
             return ""
         return disagreement(log, all_systems()[self.kind](**self.numbers))
@@ -352,41 +352,7 @@ class Draft:
 def draft_for(
     paths: str | Path | Sequence[str | Path], kind: str = "", numbers: Sequence[str] = (), encoding: str | None = None
 ) -> Draft:
-    """Look at logs and propose a mapping.
-
-    Parameters
-    ----------
-    paths : path-like or sequence of them
-        Logs of one kind, as for `pamid.read_log`.
-    kind : str, default=""
-        ``"bench"``, ``"muscle"``, ``"cylinder"``, ``"joint"``; guessed from the columns by default.
-    numbers : sequence of str, optional
-        Names of the numbers that are given: a bore is that of a cylinder.
-    encoding : str, optional
-        Encoding of text files, such as "big5"; found by itself by default.
-
-    Returns
-    -------
-    Draft
-        The proposal.
-
-    Raises
-    ------
-    LogError
-        The log cannot be read at all.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> import pandas as pd
-    >>> from pamid.systems import draft_for
-    >>> log = pd.DataFrame({"t [s]": [0.0, 0.1, 0.2], "p [bar]": [3.0, 3.1, 3.2], "x [mm]": [180, 179, 178]})
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     log.to_csv(Path(folder) / "log.csv", index=False)
-    ...     len(draft_for(Path(folder) / "log.csv").guesses)
-    3
-    """
+    """Propose a mapping for logs of one kind; kind and encoding are found by default, `numbers` are those given."""
     if kind:
         require_one_of(kind, kinds(), f"There is no kind {kind!r}.", "Correct it.")
     files = find_logs(paths)

@@ -20,34 +20,7 @@ from .base import System
 
 
 def kind_of_file(path: str | Path) -> str:
-    """Return the kind of system that a simulator file describes.
-
-    Parameters
-    ----------
-    path : path-like
-        A ``sim.toml``.
-
-    Returns
-    -------
-    str
-        Its ``kind``; ``"bench"`` where it names none or cannot be read.
-
-    Raises
-    ------
-    SimulatorTypeError
-        Its kind is not text.
-
-    Examples
-    --------
-    >>> import tempfile
-    >>> from pathlib import Path
-    >>> from pamid.bench import BenchParameters
-    >>> from pamid.systems import kind_of_file
-    >>> with tempfile.TemporaryDirectory() as folder:
-    ...     BenchParameters.for_muscle("B").to_toml(Path(folder) / "sim.toml")
-    ...     print(kind_of_file(Path(folder) / "sim.toml"))
-    bench
-    """
+    """Return the kind of system that a simulator file describes; "bench" where it names none or cannot be read."""
     try:
         kind = read_toml(path, "a simulator file", ERRORS).get("kind", "bench")
     except SimulatorFileError:
@@ -106,27 +79,5 @@ def read_system(path: str | Path) -> System:
 
 
 def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[str, ...] = ()) -> str:
-    """Return the commented simulator file of a system.
-
-    Parameters
-    ----------
-    kind : class
-        The system.
-    values : mapping of str to float or str
-        Its numbers in SI; defaults for those left out.
-    assumed : tuple of str
-        Numbers that nobody has confirmed: the simulator file says so.
-
-    Returns
-    -------
-    str
-        TOML.
-
-    Examples
-    --------
-    >>> from pamid.systems import system_text
-    >>> from pamid.systems.cylinder import Cylinder
-    >>> system_text(Cylinder, {"bore": 0.025}).count("bore") > 0  # m
-    True
-    """
+    """Return the commented simulator file of a system with its numbers in SI; `assumed` ones are marked."""
     return kind.text(values, assumed)

@@ -68,7 +68,7 @@ class Joint(System):
         return [] if {"drive", "gain"} & set(signals) else ["gain"]
 
     def identity(self) -> dict[str, Any]:
-        """Return what identifies the joint; numbers that earlier versions always fitted only where they are given."""
+        """Return the identity of the joint; numbers that earlier versions always fitted only where they are given."""
         found = super().identity()
         numbers = {k: v for k, v in found["numbers"].items() if v != FIT or k not in ("level", "offset")}
         return {**found, "numbers": numbers}
@@ -134,7 +134,7 @@ class Joint(System):
         return Problem(X, drive[usable], _given, groups, roles, "torque", unit, None, notes, units, None, fitted)
 
     def _drive(self, log: pd.DataFrame) -> tuple[np.ndarray, np.ndarray, str, list[str]]:
-        """Return what drives the joint, the rows in which it is known, its unit, and notes."""
+        """Return the drive of the joint, the rows in which it is known, its unit, and notes."""
         on = np.ones(len(log), dtype=bool)
         if "enabled" in log.columns:
             on = log["enabled"].to_numpy(dtype=float) > 0.5

@@ -79,7 +79,7 @@ def _shared(names: Sequence[str]) -> str:
 
 
 def clock_settings(time: np.ndarray, one_run: bool) -> dict[str, Any]:
-    """Return what a clock says of the runs: rows before the recording begins, and time that begins again."""
+    """Return the clock's hints at runs: rows before the recording begins, and time that begins again."""
     steps = np.diff(time)
     usual = float(np.median(steps)) if len(steps) else 0.0
     found: dict[str, Any] = {}

@@ -94,7 +94,7 @@ def disagreement(log: pd.DataFrame, system: Any) -> str:
 
 
 def doubts(log: pd.DataFrame, system: Any) -> list[str]:
-    """Say what force, pressure and size of a tidy log have against its units and the reference of its pressure."""
+    """Return doubts about the units and the pressure reference of a tidy log, from force, pressure and size."""
     ambient = float(system.values.get("atmospheric_pressure", ATMOSPHERIC_PRESSURE))
     zero = zero_of_force(log, (ambient, 0.0, 2 * ambient))
     found = []

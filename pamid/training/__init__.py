@@ -21,29 +21,7 @@ TRAINERS: dict[str, type[Trainer]] = {
 
 
 def trainer_named(trainer: str | Trainer) -> Trainer:
-    """Return a trainer by name, or the trainer itself.
-
-    Parameters
-    ----------
-    trainer : str or Trainer
-        ``"adam"``, ``"adam_as_run"``, ``"levenberg_marquardt"``, or a trainer.
-
-    Returns
-    -------
-    Trainer
-        With its default parameters if it was named.
-
-    Raises
-    ------
-    UnknownOptionError
-        If there is no trainer of that name.
-
-    Examples
-    --------
-    >>> from pamid.training import trainer_named
-    >>> type(trainer_named("adam")).__name__
-    'Adam'
-    """
+    """Return a trainer by its name in `TRAINERS`, with default parameters, or the trainer itself."""
     if isinstance(trainer, Trainer):
         return trainer
     if not isinstance(trainer, str) or trainer not in TRAINERS:
@@ -64,7 +42,6 @@ __all__ = [
     "Trainer",
     "TrainingProblem",
     "TrainingResult",
-    "trainer_named",
 ]
 
 __getattr__ = renamed(__name__, {"Problem": "TrainingProblem"})

@@ -54,19 +54,7 @@ class VolumeModel(Protocol):
 
 
 def slope_of(volume: VolumeModel, state: State) -> Array:
-    """Return ∂V/∂ε alone, which a quasi-static force reads: by ``volume.slope_at`` where the volume has it.
-
-    Parameters
-    ----------
-    volume : VolumeModel
-        The volume.
-    state : State
-        Signals of the muscle, SI units, absolute pressure.
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        ∂V/∂ε, m³.
+    """Return ∂V/∂ε alone, m³, which a quasi-static force reads: by ``volume.slope_at`` where the volume has it.
 
     Examples
     --------

@@ -153,25 +153,7 @@ class NeuralVolume:
 def network_jet(
     weights: Sequence[Array], x: np.ndarray, inputs: Sequence[int], activation: str
 ) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Evaluate a network and its partial derivatives with respect to some of its inputs.
-
-    Parameters
-    ----------
-    weights : sequence of ndarray
-        Weights and biases in turn.
-    x : ndarray, shape (n_samples, n_inputs)
-        Inputs.
-    inputs : sequence of int
-        With respect to which inputs.
-    activation : str
-        Name of the activation.
-
-    Returns
-    -------
-    value : ndarray, shape (n_samples,)
-        The network's output, dimensionless.
-    derivatives : list of ndarray, shape (n_samples,)
-        Its derivative with respect to each of `inputs`.
+    """Return a network's output, dimensionless, and its partial derivatives with respect to some `inputs`.
 
     Examples
     --------

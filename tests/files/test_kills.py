@@ -369,7 +369,7 @@ def test_a_long_command_without_room_leaves_the_old_files(name, bench, computed,
 
 
 def no_room(name: str, bench: Path, results: Callable[[str, str], Path], tmp_path: Path) -> None:
-    """Let a command run into the end of a disk at several sizes of a file, and into a kill there."""
+    """Run a command into the end of a disk at several sizes of a file, and into a kill there."""
     old, new = state(results(name, "old")), state(results(name, "new"))
     out = tmp_path / "out"
     argv = command(name, "new", bench, out)

@@ -58,7 +58,7 @@ def unsaid(name: str, file: Path, number: int, seed: int, capsys) -> list[Damage
 
 
 def at_an_end(damage: Damaged) -> bool:
-    """Tell whether a ULog was cut exactly between two messages: it is then a whole, shorter one."""
+    """Return whether a ULog was cut exactly between two messages: it is then a whole, shorter one."""
     data = damage.path.read_bytes()
     if not (damage.damage.startswith("cut off") and data.startswith(b"ULog")):
         return False

@@ -15,18 +15,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pamid.errors import MappingError, SamplingWarning, UnitError, UnitWarning
-from pamid.signals import (
-    UNITS,
-    FileConstants,
-    LogMapping,
-    SignalMapping,
-    check_units,
-    find_logs,
-    parse_quantity,
-    read_log,
-    write_log,
-)
+from pamid.signals import UNITS, FileConstants, LogMapping, SignalMapping, check_units, read_log, write_log
 from pamid.signals.formats import all_formats
+from pamid.signals.log import find_logs
+from pamid.signals.unit_names import parse_quantity
 
 MAPPINGS = Path(__file__).parents[2] / "docs" / "mappings"
 of_the_docs = pytest.mark.skipif(not MAPPINGS.is_dir(), reason="needs the repository")

@@ -13,8 +13,9 @@ from pamid.bench import BenchParameters, simulate, sine, unfold
 from pamid.cli import main
 from pamid.equations import evaluate_log
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, SamplingWarning, TruncatedLogError
-from pamid.signals import read_log, read_log_part, read_log_pieces, whole_trajectories, write_log
-from pamid.signals.pieces import cuts
+from pamid.signals import read_log, read_log_pieces, write_log
+from pamid.signals.pieces import cuts, read_log_part
+from pamid.signals.thinning import whole_trajectories
 
 
 @pytest.fixture(scope="module")

@@ -16,10 +16,11 @@ from sklearn.model_selection import GridSearchCV, cross_validate
 from sklearn.pipeline import Pipeline
 
 from pamid import errors
-from pamid.signals import TrajectoryKFold, differentiate, noise_level, quantisation_step, tune_cutoff
+from pamid.signals import TrajectoryKFold, differentiate, noise_level, tune_cutoff
 from pamid.signals import kalman as kalman_module
 from pamid.signals import spline as spline_module
 from pamid.signals.driven import fit_gains, held_integral
+from pamid.signals.noise import quantisation_step
 from pamid.signals.rates import METHODS, _method
 
 each_method = pytest.mark.parametrize("method", METHODS)

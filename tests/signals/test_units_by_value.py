@@ -16,7 +16,7 @@ from pamid.constants import GRAVITY
 from pamid.equations import evaluate_log, unit_doubts
 from pamid.errors import UnitWarning
 from pamid.gap import diagnose
-from pamid.signals import implausible_units
+from pamid.signals.plausibility import implausible_units
 from pamid.survey.scales import scale_doubts
 from pamid.survey.survey import survey
 

@@ -13,8 +13,8 @@ from pamid.bench import BenchParameters, hold, isometric, sealed_hold, simulate,
 from pamid.cli import main
 from pamid.errors import EmptyLogError
 from pamid.gap.residuals.bench import Evidence
-from pamid.survey import survey_html
 from pamid.survey.answerable import RULES
+from pamid.survey.page import survey_html
 from pamid.survey.separation import _responses, _told
 from pamid.survey.survey import survey
 from pamid.survey.words import channel_rows

@@ -11,7 +11,7 @@ import pytest
 from pamid import evaluate
 from pamid.cli import main
 from pamid.errors import EmptyLogError, TooFewTrajectoriesError, UnknownOptionError
-from pamid.systems import compare_system
+from pamid.systems.comparison import compare_system
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.reference import disagreement
 
@@ -108,9 +108,9 @@ def test_what_needs_a_bench_says_so(files, capsys):
 # --- one format ---------------------------------------------------------------------------------------------
 def test_every_page_names_its_kind(tmp_path):
     from pamid.bench import BenchParameters
-    from pamid.systems import all_systems, kind_of_file, read_system
+    from pamid.systems import all_systems, read_system
     from pamid.systems.bench_page import bench_text
-    from pamid.systems.file import system_text
+    from pamid.systems.file import kind_of_file, system_text
 
     bench, page = BenchParameters.for_muscle("B"), tmp_path / "sim.toml"
     bench.to_toml(page)

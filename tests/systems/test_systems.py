@@ -22,8 +22,9 @@ from pamid.errors import (
 )
 from pamid.report import GapDisplay, report_html
 from pamid.signals import read_log, write_log
-from pamid.systems import all_systems, read_system, system_text
+from pamid.systems import all_systems, read_system
 from pamid.systems.cylinder import Cylinder
+from pamid.systems.file import system_text
 from pamid.systems.joint import Joint
 from pamid.systems.muscle import Muscle
 

@@ -87,7 +87,7 @@ def _has_ports(args: argparse.Namespace) -> bool:
     """Return whether --sim names a simulator with ports, beside which a log is looked at by itself."""
     from ...simulators import simulator_kinds
     from ...simulators.page import MODELS
-    from ...systems import kind_of_file
+    from ...systems.file import kind_of_file
 
     if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
         return False
@@ -105,7 +105,7 @@ def _own_names(args: argparse.Namespace) -> list[str]:
 
 
 def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
-    """Return what contradicts the ports of a simulator, and whether it repeats itself; without trust no code runs."""
+    """Return contradictions with a simulator's ports, and whether it is deterministic; without trust no code runs."""
     from ...errors import PamidError
     from ...simulators.page import MODELS, read_outline
     from ...simulators.port_log import port_log
@@ -180,7 +180,7 @@ def _check_targets(args: argparse.Namespace) -> None:
 
 
 def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame) -> list[Path]:
-    from ...survey import survey_html
+    from ...survey.page import survey_html
 
     if not (args.html or args.out):
         return []

@@ -220,7 +220,7 @@ def _tell(args: argparse.Namespace, result: Comparison, files: list[Path], start
 def _compare_system(args: argparse.Namespace, system: System, folder: Path | None, started: float) -> int:
     """Compare models of the one equation of a cylinder or a joint."""
     from ...plots import comparison_plot
-    from ...systems import compare_system
+    from ...systems.comparison import compare_system
 
     if args.equation != "force":
         raise ParameterError(

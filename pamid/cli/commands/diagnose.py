@@ -161,7 +161,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _following(args: argparse.Namespace, folder: Path) -> list[str]:
-    """Return what to run after a diagnosis: the corrected simulator on the log, and the design of the next run."""
+    """Return the commands after a diagnosis: the corrected simulator on the log, and the design of the next run."""
     trust = " --trust" if args.trust else ""
     columns = "".join(
         f" --{name} {quoted([value])}" for name in ("columns", "encoding") if (value := getattr(args, name))

@@ -186,7 +186,7 @@ def _line(name: str, scores: dict[str, Any]) -> list[str]:
 
 
 def _keep_state(estimator: Any, args: argparse.Namespace) -> Any:
-    """Let the estimator's trainer keep its state in a folder; return the trainer that it was given."""
+    """Make the estimator's trainer keep its state in a folder; return the original trainer."""
     from sklearn.base import clone
 
     from ...training import trainer_named

@@ -210,7 +210,7 @@ def _number(text: str) -> float:
 
 
 def _limits(args: argparse.Namespace, history: History) -> Any:
-    """Return what a bench allows, the largest angle that of its logs."""
+    """Return the limits of a bench, the largest angle that of its logs."""
     import numpy as np
 
     from ...gap.design.family import Limits

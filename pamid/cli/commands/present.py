@@ -72,7 +72,7 @@ def _fits(metadata: dict[str, Any]) -> dict[str, dict[str, float]]:
 
 
 def _settings(model: Any) -> dict[str, str]:
-    """Return what was set otherwise than by default."""
+    """Return the settings that differ from the defaults."""
     import inspect
 
     defaults = {k: p.default for k, p in inspect.signature(type(model)).parameters.items()}

@@ -167,7 +167,7 @@ def _one_muscle(row: dict[str, Any], muscle: int, params: Any) -> dict[str, Any]
 
 
 class _Silence:
-    """Tell that no sample comes: nothing at all, or only invalid lines."""
+    """Report that no sample comes: nothing at all, or only invalid lines."""
 
     def __init__(self) -> None:
         self.since = time.monotonic()

@@ -39,7 +39,7 @@ CURVATURE = float(2.0 * TABLE[0, 1] / SIZES[1] ** 2)
 
 
 def expected_cost(left: np.ndarray, earlier: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return what the misfit of one equation is expected to cost in log-likelihood, and the scale that it gets."""
+    """Return the expected cost of one equation's misfit in log-likelihood, and its scale."""
     size = np.minimum(np.abs(left), SIZES[-1])
     k = np.clip(np.searchsorted(SIZES, size, side="right") - 1, 0, len(SIZES) - 2)
     f = (size - SIZES[k]) / (SIZES[k + 1] - SIZES[k])

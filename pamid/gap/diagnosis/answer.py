@@ -174,7 +174,7 @@ def _equations(
 
 
 def _events(evidence: ResidualSource, left: np.ndarray) -> list[Event]:
-    """Return the stretches of runs that stand out of what is left, the largest first."""
+    """Return the stretches of runs with outstanding residuals, the largest first."""
     from ..inference.student_t import scale
 
     found = []

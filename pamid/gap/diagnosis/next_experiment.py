@@ -35,7 +35,7 @@ CHOICES: list[tuple[dict[str, Any], Callable[[], Trajectory]]] = [
 def next_experiment(
     evidence: Evidence, verdict: Verdict, params: BenchParameters, here: Callable[[Spec], Spec] = dict
 ) -> tuple[NextExperiment | None, tuple[str, ...]]:
-    """Return what to record next and the two explanations that it separates; None if there is nothing to separate."""
+    """Return the next run to record and the two explanations that it separates, or None."""
     two = _rivals(verdict)
     if two is None:
         return None, ()

@@ -41,7 +41,7 @@ class Prior(NamedTuple):
         return cls(np.zeros(n), np.zeros(n))
 
     def cost(self, x: np.ndarray) -> float:
-        """Return what numbers cost, a logarithm of likelihood."""
+        """Return the penalty of numbers in log-likelihood."""
         return 0.5 * float(self.precision @ np.square(x - self.centre))
 
 

@@ -43,15 +43,15 @@ class Discrepancy:
         self._signals: list[np.ndarray] | None = None
 
     def contributions(self, fit: Fit) -> dict[str, np.ndarray]:
-        """Return what each effect of a fit adds to the residuals beyond what tolerances take up, in units of noise."""
+        """Return each effect's contribution to the residuals orthogonal to the tolerances, in units of noise."""
         return {name: beyond for name, (_, beyond) in self._parts_of(fit).items()}
 
     def whole(self, fit: Fit) -> dict[str, np.ndarray]:
-        """Return what each effect of a fit adds to the residuals, in units of noise."""
+        """Return each effect's contribution to the residuals, in units of noise."""
         return {name: added for name, (added, _) in self._parts_of(fit).items()}
 
     def _parts_of(self, fit: Fit) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-        """Return what each effect of a fit adds to the residuals, as it is and beyond what tolerances take up."""
+        """Return each effect's contribution to the residuals, as it is and orthogonal to the tolerances."""
 
         def made() -> dict[str, tuple[np.ndarray, np.ndarray]]:
             found, J = {}, self.evidence.slopes(fit.spec, fit.x)

@@ -57,7 +57,7 @@ class FirstOrder(Worth):
         return self._about(self.base, library=library)
 
     def alone(self) -> dict[str, Single]:
-        """Return what each effect explains by itself."""
+        """Return the gain of each effect alone."""
         return self._singles(self._about(self.base)) if self.templates else {}
 
     def _close_singles(self, about: Subsets) -> list[Subset]:
@@ -90,7 +90,7 @@ class FirstOrder(Worth):
         return (subset.score - nothing + price) / GRID - price <= self.evidence.least_gain
 
     def _singles(self, about: Subsets) -> dict[str, Single]:
-        """Return what each effect explains by itself."""
+        """Return the gain of each effect alone."""
         start = about.fit(())
         gains = about.gains(start)
         found: dict[str, Single] = {}

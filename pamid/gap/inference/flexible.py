@@ -69,7 +69,7 @@ class Flexible:
         return self._bases[equation]
 
     def remainder(self, equation: str, z: np.ndarray) -> Remainder:
-        """Return what a flexible function predicts of residuals, from run to run."""
+        """Return a flexible function's prediction of residuals, from run to run."""
         part = self.evidence.parts[self.evidence.equations.index(equation)]
         B, r = self.basis(equation), z[part]
         size = max(float(np.median(np.abs(r))) / 0.6745, 1e-12)

@@ -106,13 +106,13 @@ def _folds(evidence: Learnable) -> np.ndarray:
 
 
 def _explained(value: np.ndarray, columns: np.ndarray, t: Template, rows: np.ndarray) -> np.ndarray:
-    """Return what a template predicts of a residual when fitted on some rows; a template holds minus what it adds."""
+    """Return a template's prediction of a residual when fitted on some rows; a template holds minus the effect."""
     A = -columns[rows]
     return -columns @ bounded(A.T @ A, A.T @ value[rows], t.lower, t.upper)
 
 
 def _best_effect(evidence: Learnable, found: Iterable[Template], folds: np.ndarray) -> np.ndarray:
-    """Return what the effect that predicts most on held-out folds predicts there."""
+    """Return the held-out prediction of the effect that predicts most there."""
     some, rows = list(found), [np.flatnonzero(folds == k) for k in np.unique(folds)]
     best, least = np.zeros(len(evidence.value)), np.inf
     for size in {t.columns.shape[1]: None for t in some}:
@@ -127,7 +127,7 @@ def _best_effect(evidence: Learnable, found: Iterable[Template], folds: np.ndarr
 
 
 def _held_out(evidence: Learnable, some: Sequence[Template], rows: Sequence[np.ndarray]) -> np.ndarray:
-    """Return what templates with as many columns predict of rows when fitted to the others, shape (n, n_windows)."""
+    """Return the held-out predictions of templates with equally many columns, shape (n, n_windows)."""
     A = -np.stack([t.columns for t in some]) * evidence.noise[:, None]
     lower, upper = np.array([t.lower for t in some]), np.array([t.upper for t in some])
     inner = [np.swapaxes(A[:, r], 1, 2) @ A[:, r] for r in rows]

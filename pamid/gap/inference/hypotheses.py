@@ -25,7 +25,7 @@ class Hypothesis:
     plain: float
     """The likelihood with the forms as they are."""
     left: np.ndarray
-    """Scale of what is left, in units of noise and discrepancy; may be less than 1. Shape (n_equations,)."""
+    """Scale of the residuals, in units of noise and discrepancy; may be less than 1. Shape (n_equations,)."""
     z: np.ndarray
     """What is left, in the same units. Shape (n_windows,)."""
     weights: np.ndarray

@@ -41,7 +41,7 @@ def occam(
     values: Sequence[float],
     gain: float,
 ) -> float:
-    """Return what the parameters of an effect cost, a logarithm of likelihood."""
+    """Return the penalty of an effect's parameters in log-likelihood."""
     n, k = D.shape
     if k < 2:
         return 0.5 * float(np.log(max(n, 2))) * k
@@ -54,7 +54,7 @@ def occam(
 
 
 def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> float:
-    """Return what the parameters of an effect cost where the curvature of the likelihood is known."""
+    """Return the penalty of an effect's parameters where the curvature of the likelihood is known."""
     one, k = 0.5 * float(np.log(max(n, 2))), len(H)
     if k < 2:
         return one * k

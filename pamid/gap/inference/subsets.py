@@ -135,7 +135,7 @@ class Subsets:
         return Subset(templates, x, loglik, loglik - cost, scales, left)
 
     def unweighted(self, subset: Subset) -> np.ndarray:
-        """Return what a set leaves of the residuals, in units of the noise."""
+        """Return the residuals after a set, in units of the noise."""
         A = np.column_stack([self.fixed, *(self.columns[:, self.places[t]] for t in subset.templates)])
         return (self.z + A @ subset.x) / np.maximum(self._root, 1e-12)
 

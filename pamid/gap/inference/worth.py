@@ -66,12 +66,12 @@ class Worth:
         return np.array([part.stop - part.start for part in self.evidence.parts])
 
     def _unlikely(self, fit: Fit) -> float:
-        """Return what deviations within the tolerances cost."""
+        """Return the penalty of deviations within the tolerances."""
         x = fit.x + self.evidence.about
         return 0.5 * TOLERANCE * float(x @ x)
 
     def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
-        """Return what each effect of a fit costs for its parameters, less what is expected of it."""
+        """Return the penalty of each effect's parameters in a fit, less its prior."""
         if not fit.spec:
             return {}
         D, slots = self.sensitivities(fit)
@@ -107,7 +107,7 @@ class Worth:
         return OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
 
     def _gained(self, h: Hypothesis) -> np.ndarray:
-        """Return what a set explains of each equation, in nats."""
+        """Return the gain of a set in each equation, in nats."""
         gain = self._counts * self.fitter.weights * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
         return np.asarray(np.maximum(gain, 0.0))
 

@@ -142,7 +142,7 @@ class Evidence:
         return True
 
     def also_under(self, names: Mapping[str, str]) -> None:
-        """Let effects also have other names, each with that of the library."""
+        """Add other names of effects, each with that of the library."""
         self.effects |= {other: self.effects[name] for other, name in names.items()}
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
@@ -162,7 +162,7 @@ class Evidence:
         )
 
     def _white(self, shared: Mapping[str, Sequence[Sequence[np.ndarray]]]) -> Whitening:
-        """Return what makes the noise independent, from the covariances of neighbouring windows of each run."""
+        """Return the whitening of the noise, from the covariances of neighbouring windows of each run."""
         found = Whitening()
         for name, part in zip(self.equations, self.parts, strict=True):
             if name not in shared:

@@ -30,7 +30,7 @@ FRACTIONS = 1, 2, 4
 def simpson(
     simulator: Simulator, log: PortLog, x: np.ndarray, rates: np.ndarray, inputs: np.ndarray, p: np.ndarray
 ) -> np.ndarray:
-    """Return what curves add to the mean of rates over each step, given at both of its ends; inputs at mid-step."""
+    """Return the contribution of curvature to mean rates over each step, from both of its ends; inputs at mid-step."""
     start, end = np.hsplit(rates, 2)
     middle = 0.5 * (x + after(x, log)) + log.dt / 8.0 * (start - end)
     return 2.0 / 3.0 * (simulator.rate(log.t + 0.5 * log.dt, middle, inputs, p) - 0.5 * (start + end))

@@ -147,6 +147,6 @@ class Beside(ABC):
         return other
 
     def also_under(self, names: Mapping[str, str]) -> None:
-        """Let effects also have other names, each with its own."""
+        """Add other names of effects, each with its own."""
         more = {other: replace(self.placements[k], key=other) for other, k in names.items() if k in self.placements}
         self.placements = {**self.placements, **more}

@@ -139,7 +139,7 @@ class OnEquation:
         return self.read(active, total)
 
     def read(self, active: Active, total: np.ndarray, memory: bool = True) -> np.ndarray:
-        """Return what the target's sensor reads of its true course; faults with memory may be left out."""
+        """Return the sensor's reading of the true target; faults with memory may be left out."""
         for place, effect in active:
             if effect.channel == OUTPUT[self.kind] and (memory or not effect.n_states):
                 total = place.reading(effect, total, self.dt, self.starts)
@@ -183,7 +183,7 @@ def _shown(p: Parameter, sizes: SignalSizes, kind: str, scales: Scales) -> Param
 
 
 def scales_of(sizes: SignalSizes, position: float, equation: str, muscle: bool) -> Scales:
-    """Return what is typical of a log, by role; of a muscle that is known the units of the library are typical."""
+    """Return the typical sizes of a log's signals by role; for a known muscle, the units of the library."""
     if muscle:
         return Scales(position=position)
     top = sizes.tops.get("pressure", 0.0)
@@ -196,5 +196,5 @@ def scales_of(sizes: SignalSizes, position: float, equation: str, muscle: bool) 
 
 
 def strain_scale(span: float, contraction: bool) -> float:
-    """Return what counts as a strain of one: one for a contraction ratio, else five times the range."""
+    """Return the position scale: one for a contraction ratio, else five times the range."""
     return 1.0 if contraction or span == 0.0 else span / STRAIN

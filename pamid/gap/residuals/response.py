@@ -91,7 +91,7 @@ class Response:
         return np.clip(np.nan_to_num(found), -_MOST, _MOST)
 
     def _force(self, place: Placement, made: object, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return what an effect adds at each row, with its memory from the unchanged states."""
+        """Return an effect's contribution at each row, with its memory from the unchanged states."""
         s0 = place.signals(self._signals(self.x, u), self.log.t)
         memory = made.trace(s0, place.plant, self.log.dt * place.scales.time, self.firsts)  # type: ignore[attr-defined]
         s = s0 if x is self.x else place.signals(self._signals(x, u), self.log.t)

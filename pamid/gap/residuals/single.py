@@ -130,7 +130,7 @@ class SignalEvidence(PortEvidence):
         return self.given
 
     def heard(self, share: float) -> list[str]:
-        """Return what a reader is told of the residuals, of which a flexible learner predicts a share."""
+        """Return the sentence on residuals of which a flexible learner predicts a share."""
         told = [_NOISE.format(100.0 * share)]
         if self.equation.sense < 0:
             told.append("Effects add to y: the target is the driving force, not the delivered one.")
@@ -145,7 +145,7 @@ class SignalEvidence(PortEvidence):
         return {self.spoken(role): table[role] for role in may_move if role in self.columns and role in table}
 
     def begin_as(self, other: Beside) -> None:
-        """Let effects act in the sense that they have in another log."""
+        """Set the sense of effects to that of another log."""
         self.equation.sense = other.equation.sense if isinstance(other, SignalEvidence) else 1
 
     # --- where effects act ------------------------------------------------------------------------------------

@@ -51,7 +51,7 @@ def _lacks_joint(evidence: PortEvidence) -> bool:
 
 
 def _why(name: str, placed: bool) -> str:
-    """Return what an effect would need here."""
+    """Return the reason why an effect cannot be tested here."""
     if placed:
         return "the log has no readings of what that acts on"
     kind = port_effects().get(name, ("bench",))[0]

@@ -116,7 +116,7 @@ def sized(logs: Sequence[LogFinding], sizes: Sequence[tuple[int, int]], held: Se
 
 @contextmanager
 def naming(log: str) -> Iterator[None]:
-    """Let an error begin with the name of a log."""
+    """Prefix errors with the name of a log."""
     try:
         yield
     except PamidError as error:

@@ -308,7 +308,7 @@ def _table(path: Path, bench: bool) -> pd.DataFrame:
 
 
 def _changed(then: Mapping[str, Any], now: Mapping[str, Any], library: Mapping[str, str]) -> list[str]:
-    """Return what differs between the simulator and library of an earlier diagnosis and those of today."""
+    """Return the differences between the simulator and library of an earlier diagnosis and today's."""
     a, b = _flat(then), _flat(now)
     changed = [f"{k} was {a.get(k, 'absent')} and is {b.get(k, 'absent')}" for k in {**a, **b} if a.get(k) != b.get(k)]
     for name, mark in library.items():

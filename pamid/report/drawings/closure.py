@@ -84,7 +84,7 @@ def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
 
 
 def waterfall(d: Diagnosis, closure: Closure) -> list[Bar]:
-    """Return the bars of one equation: before, what each cause takes away, what is left: unexplained and noise."""
+    """Return the bars of one equation: before, each cause's reduction, and the remainder: unexplained and noise."""
     quantity = Words.of(d).residual(closure.equation, closure.unit)
 
     def shown(value: float) -> str:

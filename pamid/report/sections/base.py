@@ -105,7 +105,7 @@ class Section(ABC):
 
     @abstractmethod
     def content(self) -> dict[str, Any]:
-        """Return what its template reads."""
+        """Return the variables of its template."""
 
     def picture(self, figure: Figure, name: str, caption: str) -> Picture:
         """Return a figure for the page."""

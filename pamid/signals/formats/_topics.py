@@ -92,7 +92,7 @@ def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_byt
 
 
 def _out_of_step(times: np.ndarray, topic: str) -> Iterator[str]:
-    """Return what is wrong with the time stamps of the topic whose messages are the rows."""
+    """Describe errors in the time stamps of the topic whose messages are the rows."""
     if again := len(times) - len(np.unique(times)):
         yield f"{again} messages of {topic} repeat the time stamp of another one; one for each time stamp is kept"
     if back := int(np.sum(np.diff(times) < 0.0)):

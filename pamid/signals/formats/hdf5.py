@@ -133,7 +133,7 @@ def _links(group: h5py.Group) -> list[str]:
 
 
 def _refused(item: Any) -> str:
-    """Return what prevents reading a data set's numbers; empty if nothing does."""
+    """Return the reason why a data set's numbers cannot be read; empty if they can."""
     if item.shape is None:
         return "empty"
     if _is_virtual(item):

@@ -42,7 +42,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 
 def _lost(path: Path, log: Any, read: int) -> list[str]:
-    """Return what a ULog has lost: messages after a cut, damaged ones, and those dropped by its recorder."""
+    """Describe the losses of a ULog: messages after a cut, damaged ones, and those dropped by its recorder."""
     data, ends, told = _messages(path)
     said = []
     if not ends:
