@@ -50,7 +50,7 @@ class LateLeak(Leakage):
         return np.zeros((1, *np.shape(s.pressure)))
 
     def step(self, x: Any, s0: Signals, s1: Signals, dt: float, plant: Any) -> Any:
-        """Wait."""
+        """Advance the time."""
         return x + dt
 
     def flow(self, s: Signals, x: Any, plant: Any) -> FlowTerm:

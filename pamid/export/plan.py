@@ -101,7 +101,10 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
         )
     anchor, network, factor, offset = _parts(volume)
     notes += [f"{e!r} is part of the predictions." for e in (*own, *effects)]
-    tracer = Tracer(own, [law.equation for law in laws()], muscle_of(last)) if own else None
+    tracer = None
+    if own:
+        muscle = Plant.of_muscle(last.rest_length, last.rest_diameter, atmospheric_pressure=last.atmospheric_pressure)
+        tracer = Tracer(own, [law.equation for law in laws()], muscle)
     outputs = tuple(_output(law, effects, plant, tracer) for law in laws())
     centre, width = (network.scale.mean, network.scale.spread) if network else _typical(anchor)
 
@@ -225,11 +228,6 @@ def _typical(anchor: ContactVolume | None) -> tuple[np.ndarray, np.ndarray]:
 
 
 # --- formulas -----------------------------------------------------------------------------------------------
-def muscle_of(model: Any) -> Plant:
-    """Return the muscle as the effects of a model see it."""
-    return Plant.of_muscle(model.rest_length, model.rest_diameter, atmospheric_pressure=model.atmospheric_pressure)
-
-
 def _along(model: Any, x: np.ndarray, ask: Callable[[Any], Any]) -> Any:
     """Return the prediction of a model with memory along one path of readings."""
     import pandas as pd

@@ -13,6 +13,7 @@ from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from .._ask import Asker
 from .._drafting import (
+    FILES,
     ask_for_columns,
     ask_for_numbers,
     ask_for_units,
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from ...simulators import Simulator
     from ...systems.draft import Draft
 
-FILES = ("columns.toml", "sim.toml")
 
 _DESCRIPTION = """\
 Inspect a log with any names and units, and write the two files that the other commands need:
