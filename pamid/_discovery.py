@@ -1,4 +1,4 @@
-"""Find what the modules of a package define, so that something new is one new file and no list is edited."""
+"""Find the classes that the modules of a package define, so that something new is one new file."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _EVERYWHERE = {"n_features_in_", "feature_names_in_", "_sklearn_version", "_skle
 
 
 def check_model(model: Any, name: str, trusted: frozenset[str] = frozenset()) -> None:
-    """Refuse a model that holds what no model of pamid needs, or whose parts do not fit together."""
+    """Refuse a model with contents that no model of pamid needs, or with inconsistent parts."""
     _Walk(name, trusted).visit(model, type(model).__name__)
 
 

@@ -13,7 +13,7 @@ from .errors import PamidWarning
 
 
 def plugins(group: str, expected: str) -> Iterator[tuple[str, Any]]:
-    """Yield what installed packages declare in a group, with a name for it; what cannot be loaded gives a warning."""
+    """Yield entry points of installed packages in a group, by name; warn of those that cannot be loaded."""
     from importlib.metadata import entry_points
 
     for entry in sorted(entry_points(group=group), key=lambda e: (e.name, e.value)):

@@ -22,7 +22,7 @@ LARGEST_WARNING = "10 GiB"
 
 @contextlib.contextmanager
 def on_dask(cluster: Any = None, *, n_workers: int = 2) -> Iterator[Any]:
-    """Run what is parallel inside on a dask cluster, to the same result even if workers are killed.
+    """Run parallel code in the block on a dask cluster, to the same result even if workers are killed.
 
     Searches of scikit-learn, `pamid.compare.compare` and everything else that uses joblib is spread over the workers,
     one task a core. A task whose worker dies runs again on another one, up to dask's ``allowed-failures`` times (3).

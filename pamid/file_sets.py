@@ -203,7 +203,7 @@ def _finish_others(folder: Path, names: Collection[str]) -> None:
 
 
 def _is_unfinished(stage: Path) -> bool:
-    """Return whether the record of a move that failed half-way needs what lies in the stage."""
+    """Return whether the record of a half-finished move needs the files in the stage."""
     try:
         return bool(json.loads((stage.parent / UNFINISHED).read_text(encoding="utf-8"))["from"] == stage.name)
     except (OSError, ValueError, KeyError, TypeError):

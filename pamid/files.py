@@ -49,7 +49,7 @@ def write_whole(path: str | Path, data: bytes | str) -> Path:
 
 
 def encoded(data: bytes | str) -> bytes:
-    """Return text as UTF-8; what is no character, such as half of a surrogate pair in a log's names, as '?'."""
+    """Return text as UTF-8; invalid characters, such as half of a surrogate pair in a log's names, as '?'."""
     return data.encode("utf-8", errors="replace") if isinstance(data, str) else data
 
 
@@ -69,7 +69,7 @@ def check_file(path: str | Path, size: int = PROBE) -> Path:
 
 
 def probe(folder: Path, size: int = PROBE) -> None:
-    """Write and remove a draft of some bytes in a folder; raise what the system raises."""
+    """Write and remove a draft of some bytes in a folder; errors of the system pass."""
     draft = folder / draft_name()
     try:
         _create(draft)

@@ -9,7 +9,7 @@ from typing import Any
 
 
 def json_ready(value: Any) -> Any:
-    """Return plain data: dataclasses as dicts, tuples and arrays as lists, what is not finite as None."""
+    """Return plain data: dataclasses as dicts, tuples and arrays as lists, numbers that are not finite as None."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: json_ready(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):

@@ -1,4 +1,4 @@
-"""A cache of what is needed again and again while one of many parameters moves, limited in number or in size."""
+"""A cache of values that are needed repeatedly while one of many parameters moves, limited in number or size."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""A fresh fit that may keep some of the source: a Gaussian process on what another model predicts and on the state.
+r"""A fresh fit that may keep some of the source: a Gaussian process on another model's prediction and the state.
 
 .. math:: y \sim \mathcal{N}\big(0,\; a_s^2\,s\,s'
     + (a_0^2 + \textstyle\sum_k a_k^2\,c_k c_k')\,e^{-\frac12 \lVert (z - z')/\ell \rVert^2} + N\big), \qquad
@@ -151,7 +151,7 @@ class SourceProcess:
         return np.asarray(self.units[0] * (_kernel(z, strengths, self.points, self.strengths, self.logs) @ self.alpha))
 
     def known(self, rows: SourceRows) -> np.ndarray:
-        """Return how near some samples are to what was seen: 1 within its range, falling with the distance from it."""
+        """Return the nearness of samples to those of the fit: 1 within their range, falling with the distance."""
         moved = np.column_stack([rows.state, rows.rates])
         beyond = np.maximum(self.seen[0] - moved, 0.0) + np.maximum(moved - self.seen[1], 0.0)
         return np.asarray(np.exp(-0.5 * np.sum(np.square(beyond / self.units[2:6]), axis=1)))

@@ -20,7 +20,7 @@ _SI = re.compile(rf"{_ONE}(?:[ */·]{_ONE})*")
 
 
 def split_equations(texts: list[str]) -> dict[str, str]:
-    """Return right sides by left sides of what ``--equation`` was given."""
+    """Return right sides by left sides of the ``--equation`` options."""
     found: dict[str, str] = {}
     for text in texts:
         left, equals, right = text.partition("=")

@@ -69,7 +69,7 @@ def held_out(
 
 
 def pipeline(steps: list[tuple[str, Any]], fitted: Any) -> Any:
-    """Put the fitted steps together; what came before the estimator was fitted on the same log."""
+    """Return the pipeline of the fitted steps; those before the estimator were fitted on the same log."""
     if not steps:
         return fitted
     from sklearn.pipeline import Pipeline

@@ -29,7 +29,7 @@ def declare_model(draft: Draft, simulator: Simulator) -> None:
 
 
 def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[str, str]]:
-    """Return the column that each port of a model probably is, beside those that were given, and what is doubtful."""
+    """Return the probable column of each port beside the given ones, and the doubts."""
     from ..simulators.matching import matches
 
     said = {g.signal: (str(g.column), g.unit or "") for g in draft.guesses if g.signal}

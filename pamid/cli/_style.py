@@ -21,7 +21,7 @@ def coloured(stream: TextIO | None = None) -> bool:
 
 
 def plain(text: str) -> str:
-    """Return a text without control characters: what a log says must not steer a terminal."""
+    """Return a text without control characters: a log must not steer a terminal."""
     return "".join(c if c.isprintable() or c == "\n" else " " for c in text)
 
 

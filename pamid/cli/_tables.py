@@ -125,7 +125,7 @@ def _table_of_system(log: pd.DataFrame, page: BenchParameters | System | None, t
 
 
 def settle(estimator: Any, speed: Any, unit: str, given: dict[str, Any]) -> None:
-    """Give an estimator what the log says, unless the user has: unit of a drive, speed below which friction fades."""
+    """Set parameters of an estimator from the log unless given: unit of a drive, friction's fading speed."""
     import numpy as np
 
     accepted = estimator.get_params()

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 def events_at_ports(
     args: argparse.Namespace, source: Iterator[bytes | None], simulator: Any
 ) -> Iterator[dict[str, Any]]:
-    """Yield what a stream of samples shows, as it comes."""
+    """Yield the findings in a stream of samples, as they come."""
     import pandas as pd
 
     from ..online.stream import Samples

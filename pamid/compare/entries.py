@@ -141,7 +141,7 @@ def candidates(
 
 
 def target_of(equation: str, output: str = "eps") -> tuple[str, str]:
-    """Return column and unit of what is predicted."""
+    """Return column and unit of the predicted target."""
     if equation == "inverse":
         return "P", "Pa"
     if equation == "dynamic":

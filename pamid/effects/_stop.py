@@ -25,7 +25,7 @@ def stopped(z: Array, moved: Array, width: float) -> Array:
 
 
 def stops_along(x: Array, width: float, starts: Array) -> Array:
-    """Return `stopped` along the runs of a log, without a loop over time: x less what follows it with play."""
+    """Return `stopped` along the runs of a log, without a loop over time: x less its play."""
     x = np.asarray(x, dtype=float)
     return np.stack([(x - play(x, ratio * width, starts)) / (ratio * width) for ratio in RATIOS])
 

@@ -93,7 +93,7 @@ def changed(effect: Effect, **values: float) -> Effect:
 
 
 def restored(effects: Sequence[Effect], log: WholeLog) -> WholeLog:
-    """Return the log with the pressure in the muscle, and its rate, behind what the sensor read."""
+    """Return the log with the muscle's pressure and its rate in place of the sensor's readings."""
     s = log.signals
     for effect in effects:
         if effect.channel == "P" and "measure" in effect.hooks():

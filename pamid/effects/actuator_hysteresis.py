@@ -44,7 +44,7 @@ class ActuatorHysteresis(Stops):
     wide: float
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return the command less what the stops hold back."""
+        """Return the command less the output of the stops."""
         weights = (self.narrow, self.middle, self.wide)
         held = sum(w * ratio * z for w, ratio, z in zip(weights, RATIOS, x, strict=True))
         return u - self.width * held

@@ -36,5 +36,5 @@ class BackEmf(Effect):
     constant: float
 
     def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
-        """Return −k_e q̇, in what drives the joint."""
+        """Return −k_e q̇, in the unit of the joint's drive."""
         return -self.constant * s.velocity

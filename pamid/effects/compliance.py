@@ -57,7 +57,7 @@ class Compliance(Effect):
         return x[0]
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return the load behind what is transmitted; noise of the reading is amplified by about 1/(ω dt)²."""
+        """Return the load from the transmitted force; noise of the reading is amplified by about 1/(ω dt)²."""
         out = np.array(reading, dtype=float)
         ends = [*list(starts)[1:], len(out)]
         for a, b in zip(starts, ends, strict=True):

@@ -69,7 +69,7 @@ class EffectSpec(NamedTuple):
         return effect_of((self.name, self.values), in_units)
 
     def lines(self, unit_of: Callable[[type[Effect], Parameter], str] = lambda _, p: p.unit) -> list[str]:
-        """Return the lines of a simulator file; units are the library's, or what `unit_of` says of a parameter."""
+        """Return the lines of a simulator file; units are the library's, or those that `unit_of` gives."""
         kind = all_effects()[self.name]
         units = {p.name: unit_of(kind, p) for p in kind.parameters}
         numbers = [f"{key} = {float(v)!r}  # {units[key]}".removesuffix("  # -") for key, v in self.values.items()]

@@ -33,7 +33,7 @@ class TransportDelay(Effect):
     delay: float
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
-        """Return the past commands within the delay; the first entry is what the valve receives."""
+        """Return the past commands within the delay; the valve receives the first one."""
         n = math.ceil(self.delay / dt) + 1
         return np.broadcast_to(np.asarray(s.command, dtype=float), (n + 1, *np.shape(s.command))).copy()
 

@@ -98,7 +98,7 @@ class Parameter:
     neutral: bool = False
 
     def over(self, span: float, speed: float = 0.0) -> Parameter:
-        """Return it within what a position over a range ``span`` shows: one period of it, to `MOST_PERIODS`.
+        """Return it within the range that a position over ``span`` resolves: one period of it, to `MOST_PERIODS`.
 
         Half a period more in the range leaves a quarter of one out of step at either end: a sine between two such
         rates still goes with either. What refines a law at low speeds is at most `SLOW` of the largest ``speed``.
@@ -112,7 +112,7 @@ class Parameter:
         return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
 
     def of_any_size(self) -> Parameter:
-        """Return it with bounds that hold in every system: its sign, and that what is positive is not 0."""
+        """Return it with bounds that hold in every system: its sign, and that a positive one is not 0."""
         low = -math.inf if self.lower < 0.0 else _ABOVE_0 if self.lower > 0.0 else 0.0
         return replace(self, lower=low, upper=math.inf)
 

@@ -23,7 +23,7 @@ CHANNELS = ("P", "F", "mdot", "u")
 
 
 def allowed_equations(log: BenchLog, names: Sequence[str] | None = None) -> tuple[dict[str, Equation], dict[str, str]]:
-    """Return the equations that the columns of a log allow, and for each other one what it lacks."""
+    """Return the equations that the columns of a log allow, and the missing columns of each other."""
     known, columns = all_equations(), log.table.columns
     if lacking := [column for column in ("time", "q") if column not in columns]:
         raise MissingColumnError(

@@ -94,7 +94,7 @@ class Equation(ABC):
 
 
 def spread(*parts: tuple[np.ndarray | float, np.ndarray], n_windows: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the standard deviation of a residual from the noise of its channels, and what neighbours share of it."""
+    """Return the standard deviation of a residual from the noise of its channels, and the neighbours' covariance."""
     order = max(len(covariances) for _, covariances in parts)
     total: list[np.ndarray | float] = [0.0] * order
     sides = max(max(np.shape(s)[-1] if np.ndim(s) else 1, c.shape[-1]) for s, c in parts)

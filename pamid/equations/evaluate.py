@@ -176,7 +176,7 @@ class Sums:
         self.measured_square += float(np.sum(m**2))
 
     def merge(self, other: Sums) -> None:
-        """Take in what another one has."""
+        """Add the sums of another."""
         if not other.n or other.origin is None:
             return
         if self.origin is None:

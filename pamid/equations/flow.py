@@ -103,7 +103,7 @@ def gas_sensitivities(run: Run, windows: Windows) -> list[tuple[np.ndarray, np.n
 
 
 def _opening(run: Run, mdot: np.ndarray) -> np.ndarray:
-    """Return by what share the flow at a held command grows to the next sample, by the flow's sign."""
+    """Return the relative growth of the flow at a held command to the next sample, by the flow's sign."""
     gas, b = run.model.params.gas, run.model.params.valve.critical_pressure_ratio
     key = ("opening", gas.supply_pressure, gas.atmospheric_pressure, b)
     if key not in run.smoothed:

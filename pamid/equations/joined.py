@@ -35,7 +35,7 @@ class JoinedRun(Run):
         return np.array([begin for begin, _ in self._places()])
 
     def _places(self) -> Iterator[tuple[int, int]]:
-        """Yield the first row of each stretch, and the first one after what was read."""
+        """Yield the first row of each stretch, and the first one after its readings."""
         begin = 0
         for part in self.parts:
             yield begin, begin + len(part.time)

@@ -43,7 +43,7 @@ class JointEquation(Equation):
 
 
 def torque_balance(run: Run, windows: Windows, torque: np.ndarray) -> np.ndarray:
-    """Return a torque and those that effects add, less what the motion takes, over windows of order 3, N m."""
+    """Return a torque and those of effects, less that of the motion, over windows of order 3, N m."""
     joint, q, dt = run.model.params.joint, run.q, run.dt
     speed = (q[2:] - q[:-2]) / (2 * dt)
     acceleration = (q[2:] - 2 * q[1:-1] + q[:-2]) / dt**2
@@ -55,7 +55,7 @@ def torque_balance(run: Run, windows: Windows, torque: np.ndarray) -> np.ndarray
 
 
 def torque_weights(run: Run) -> tuple[np.ndarray, np.ndarray]:
-    """Return the weights of angles in what the motion takes (N m/rad) and of torques in their mean."""
+    """Return the weights of angles in the torque of the motion (N m/rad) and of torques in their mean."""
     joint, dt, weights = run.model.params.joint, run.dt, kernel(run.n, 3)
     motion = np.convolve(weights, [1.0, 0.0, -1.0]) * joint.viscous_damping / (2 * dt)
     motion = motion + np.convolve(weights, [1.0, -2.0, 1.0]) * joint.inertia / dt**2

@@ -1,4 +1,4 @@
-"""The noise of a channel, estimated from its own log: what no smooth motion explains from one sample to the next."""
+"""The noise of a channel, estimated from its own log: changes between samples that no smooth motion explains."""
 
 from __future__ import annotations
 

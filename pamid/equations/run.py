@@ -1,4 +1,4 @@
-"""A stretch of a log compared with a simulator, its effects applied: what the equations read."""
+"""A stretch of a log compared with a simulator, its effects applied: the inputs of the equations."""
 
 from __future__ import annotations
 
@@ -344,7 +344,7 @@ class Run:
         return total
 
     def added_capacity(self) -> np.ndarray | float:
-        """Return the gas that effects take in with each pascal, kg/Pa; it decides what the pressure's noise adds."""
+        """Return the gas that effects take in per pascal, kg/Pa, which propagates the pressure's noise."""
         return sum((np.asarray(e.flow(s, x, self.model.plant).b) for e, s, x in self._having("flow")), start=0.0)
 
     def followed_command(self) -> np.ndarray:

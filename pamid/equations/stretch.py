@@ -40,7 +40,7 @@ _JUMP = 8.0  # standard deviations of what lies between samples: a step over a h
 
 
 def remembered() -> Remembered[Any]:
-    """Return a cache of what fits to come will need again."""
+    """Return a cache for later fits."""
     return Remembered(REMEMBERED)
 
 
@@ -136,7 +136,7 @@ def pool_noise(found: Sequence[Stretch]) -> None:
 
 # --- clocks -------------------------------------------------------------------------------------------------
 def _period(steps: np.ndarray) -> float:
-    """Return the sampling interval: the median step, or what most steps are whole multiples of."""
+    """Return the sampling interval: the median step, or the unit of which most steps are whole multiples."""
     median = float(np.median(steps))
     if float(steps.max()) <= 1.5 * float(steps.min()):  # nothing is lost
         return median
@@ -207,7 +207,7 @@ def _straight(at: np.ndarray, rows: np.ndarray, after: np.ndarray, hold: bool = 
 
 
 def _cubic(at: np.ndarray, rows: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the four samples about each row and what they contribute to the cubic through them."""
+    """Return the four samples about each row and their weights in the cubic through them."""
     if len(at) < 4:
         return np.zeros((len(rows), 4), dtype=int), np.zeros((len(rows), 4))
     index = np.clip(after - 2, 0, len(at) - 4)[:, None] + np.arange(4)

@@ -1,4 +1,4 @@
-"""Whether a log is in the units that its simulator expects, by what other units would make of the errors."""
+"""Whether a log is in the units that its simulator expects, by the errors under other units."""
 
 from __future__ import annotations
 

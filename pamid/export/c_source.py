@@ -270,7 +270,7 @@ def _fields(plan: ExportPlan) -> dict[str, str]:
 
 
 def _network_inputs(plan: ExportPlan, write: Writer) -> str:
-    """Return the function that gathers what the network reads."""
+    """Return the function that gathers the network's inputs."""
     further = plan.memory.inputs if plan.memory else ()
     lines, results = statements(further, _fields(plan), write)
     results = [*(f"s->{s}" for s in UNITS), *results]
@@ -352,7 +352,7 @@ def _single_outputs(plan: ExportPlan) -> str:
 
 
 def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer) -> tuple[list[str], list[str]]:
-    """Return a C statement for each operation, and what holds each result."""
+    """Return a C statement for each operation, and the variable of each result."""
     lines: list[str] = []
     known: dict[int, str] = {}
     for s in in_order(list(roots)):

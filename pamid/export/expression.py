@@ -42,7 +42,7 @@ _UFUNCS: dict[Any, str] = {
 
 
 class Symbol:
-    """A value that is not known yet: a signal, or what operations make of signals."""
+    """A value that is not known yet: a signal, or an expression of signals."""
 
     __slots__ = ("args", "op")
     __array_priority__ = 100.0
@@ -130,7 +130,7 @@ class Symbol:
 
 
 class Symbols(np.ndarray):
-    """An array of symbols, such as the states of an effect: what numpy does to a number is recorded of each."""
+    """An array of symbols, such as the states of an effect; numpy's operations are recorded elementwise."""
 
     __array_priority__ = 200.0
 
@@ -176,7 +176,7 @@ def _expm1(x: Symbol) -> Symbol:
 
 
 def _log1p(x: Symbol) -> Symbol:
-    """Return log(1 + x) by what rounding makes of 1 + x, which keeps its digits near 0."""
+    """Return log(1 + x) with the rounding of 1 + x compensated, which keeps its digits near 0."""
     whole = 1.0 + x
     rest = whole - 1.0
     safe = node("where", abs(rest) > 0.0, rest, 1.0)
@@ -283,7 +283,7 @@ def node(op: str, *operands: Any) -> Any:
 
 
 def in_order(roots: list[Symbol]) -> list[Symbol]:
-    """Return all nodes under some roots, each once, operands before what uses them."""
+    """Return all nodes under some roots, each once, operands before their users."""
     seen: set[int] = set()
     out: list[Symbol] = []
 

@@ -146,7 +146,7 @@ def _own(model: Any, names: list[str]) -> Callable[[np.ndarray], np.ndarray]:
 
 # --- C ------------------------------------------------------------------------------------------------------
 def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Return inputs and what the model answers to them, inside its data and outside."""
+    """Return inputs inside and outside the model's data, and its outputs."""
     rng = np.random.default_rng(seed)
     x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, len(plan.centre)))
     x[0], x[1] = plan.centre, plan.centre + 6.0 * plan.width

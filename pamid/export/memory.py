@@ -74,7 +74,7 @@ class Tracer:
         return step.a + step.b * s.pressure_rate
 
     def memory(self) -> Memory:
-        """Return how the states begin and follow the readings, and what the network reads of them."""
+        """Return how the states begin and follow the readings, and the network's inputs from them."""
         first, opened = self._restored(None)
         now, followed = self._restored(_signals(BEFORE))
         begin: list[Any] = [0.0] * len(self._names)
@@ -97,7 +97,7 @@ class Tracer:
         )
 
     def _restored(self, before: Signals | None) -> tuple[Signals, dict[str, list[Any]]]:
-        """Return the signals of the muscle behind a reading, and what each sensor with a memory keeps of them."""
+        """Return the true signals of the muscle for a reading, and the memory of each sensor."""
         now, kept = _signals(""), {}
         for e in self.sensors:
             x, dt = self.states(e), 1.0 if before is None else symbol("dt")

@@ -71,7 +71,7 @@ def onnx_memory(plan: ExportPlan, dtype: str = "float64") -> dict[str, Any]:
 
 
 def _answers(graph: _Graph, plan: ExportPlan, names: dict[str, str]) -> tuple[dict[str, str], list[str]]:
-    """Add predictions, volume and derivatives at signals of the muscle and states; return them, and what is said."""
+    """Add predictions, volume and derivatives at signals of the muscle and states; return them, and the notes."""
     parts = []
     if plan.anchor is not None:
         parts.append(_anchor(graph, plan.anchor, names))

@@ -48,7 +48,7 @@ def diagnose_evidence(
     say: Callable[[str], None] = lambda _: None,
     change: float | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
-    """Return the diagnosis of a log's evidence, and what a learner leaves of it."""
+    """Return the diagnosis of a log's evidence, and the residual of a learner on it."""
     from threadpoolctl import threadpool_limits
 
     left_out = untested(evidence, effects)

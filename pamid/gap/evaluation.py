@@ -101,7 +101,7 @@ def evaluate_simulator(
 
 
 def _timed(evidence: PortEvidence) -> np.ndarray:
-    """Return the residuals once what is not known within a sample is fitted: clocks, and how inputs act there."""
+    """Return the residuals with the unknowns within a sample fitted: clocks, and how inputs act there."""
     # Whether inputs are held or go in lines is decided with that fitted: errors before and after a correction compare.
     own = np.array([name in evidence.skews for name in evidence.free], dtype=bool)
     if not own.any():

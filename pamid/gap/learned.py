@@ -1,4 +1,4 @@
-r"""A learned remainder: what named causes leave, predicted by a nonparametric function of the signals.
+r"""A learned remainder: the residual of the named causes, predicted by a nonparametric function of the signals.
 
 .. math:: r(s) = w_0 + \sum_j w_j \cos(\omega_j^\top s + b_j)
 

@@ -220,7 +220,7 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
 
 
 def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:
-    """Return the closure with what the corrected simulator closes where nothing is allowed for within a sample."""
+    """Return the closure with that of the corrected simulator, nothing within a sample fitted."""
     spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
     none = {k: -v for k, v in zip(evidence.free, map(float, evidence.about), strict=True)}
     own = {k: v for k, v in found.deviations.items() if k in evidence.given.parameters}

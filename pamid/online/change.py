@@ -308,7 +308,7 @@ def autocorrelation_time(x: np.ndarray) -> float:
 
 
 def rank_autocorrelation(x: np.ndarray) -> float:
-    """Return how much ranks of neighbouring values are correlated: what is measured and a standard error, from 0 on."""
+    """Return the rank correlation of neighbouring values plus a standard error, at least 0."""
     ranks = np.argsort(np.argsort(x)) - (len(x) - 1) / 2.0
     return float(np.clip(ranks[1:] @ ranks[:-1] / (ranks @ ranks) + 1.0 / np.sqrt(len(x)), 0.0, 0.95))
 

@@ -43,7 +43,7 @@ class _Cutter:
 def lines(
     path: str | Path, *, follow: bool = False, poll: float = 0.1, patience: float | None = None
 ) -> Iterator[bytes | None]:
-    """Yield the complete lines of a file and of what is appended to it, also after it was replaced or cut."""
+    """Yield the complete lines of a growing file, also after it was replaced or cut."""
     path = Path(path)
     if not path.is_file():
         raise LogNotFoundError(f"There is no file {path}.", "a file of JSON lines", "Correct the path; '-' is a pipe.")

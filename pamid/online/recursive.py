@@ -148,7 +148,7 @@ class RecursiveEstimate:
         return kept
 
     def _learn_noise(self, left: float, freedom: int, samples: int) -> None:
-        """Take in what a block leaves within itself, whatever its parameters are."""
+        """Take in the residual of a block within itself, for any parameters."""
         if self.scatter is None or freedom <= 0:
             return
         present = self.scatter[0] / self.scatter[1]

@@ -84,7 +84,7 @@ def _unit(unit: str) -> dict[str, int]:
 
 # --- sizes --------------------------------------------------------------------------------------------------
 def size(cause: Cause, words: Words, full: bool = False) -> str:
-    """Return the size of a cause's likeliest alternative; `full` says what its interval is."""
+    """Return the size of a cause's likeliest alternative; `full` explains its interval."""
     name, port, sizes = _alternatives(cause, words)[0]
     told = (
         [_deviation(words.numbers.get(port), sizes["deviation"], full)]

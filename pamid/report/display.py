@@ -70,7 +70,7 @@ class GapDisplay:
 
     @classmethod
     def from_estimator(cls, estimator: Any) -> Self:
-        """Return the display of what a fitted estimator found.
+        """Return the display of a fitted estimator's findings.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""A plan in words: what is expected from it, and what each outcome would mean."""
+"""A plan in words: expected results, and the meaning of each outcome."""
 
 from __future__ import annotations
 

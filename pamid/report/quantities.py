@@ -118,7 +118,7 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share as a whole per cent; what is not quite all or nothing is not rounded to it."""
+    """Return a share as a whole per cent, rounded to 0 or 100 only where it is exactly that."""
     if not math.isfinite(share):
         return "an unknown share"
     if 0.0 < share < 0.005:

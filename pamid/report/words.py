@@ -127,4 +127,4 @@ class Words(NamedTuple):
 
 
 BENCH = Words()
-"""The words of a bench, and of what states one equation of pamid's signals."""
+"""The words of a bench, and of a system with one equation of pamid's signals."""

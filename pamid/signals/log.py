@@ -238,7 +238,7 @@ def _require_units(part: Part, settings: LogMapping, path: Path) -> None:
 
 
 def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
-    """Warn or raise, as requested, about what was bridged while reading; warn of doubtful readings."""
+    """Warn or raise, as requested, about bridged samples; warn of doubtful readings."""
     if doubts := notes.readings.summary():
         warnings.warn(doubts, ReadingWarning, stacklevel=stacklevel)
     for text in notes.losses():

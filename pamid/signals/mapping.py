@@ -149,7 +149,7 @@ class SignalMapping:
             raise MappingError(f"{signal}.range is {list(self.range)}.", "[lowest, highest]", "Correct it.")
 
     def si_unit(self, signal: str) -> Unit | None:
-        """Look up the unit, checked against what the signal's name stands for.
+        """Look up the unit, checked against the signal's quantity.
 
         Parameters
         ----------

@@ -68,7 +68,7 @@ class Turns(NamedTuple):
 
 
 class Path:
-    """A signal along runs, as what depends on its path alone reads it."""
+    """A signal along runs, for functions of its path alone."""
 
     def __init__(self, position: np.ndarray, starts: np.ndarray) -> None:
         self.position, self.starts = np.asarray(position, dtype=float), np.asarray(starts, dtype=np.int64)

@@ -65,7 +65,7 @@ class Readings:
         entry.count += int(bad.sum())
 
     def first(self) -> str:
-        """Return the first finding as text, without what is done about it."""
+        """Return the first finding as text, without the remedy."""
         (signal, kind), found = next(iter(self.found.items()))
         return _words(signal, kind, found)
 

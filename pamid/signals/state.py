@@ -1,4 +1,4 @@
-"""The state of one muscle over many samples: what every law and volume model reads."""
+"""The state of one muscle over many samples, the input of every law and volume model."""
 
 from __future__ import annotations
 

@@ -247,7 +247,7 @@ class Simulator:
         cls, kind: str, table: Mapping[str, Any], ports: Sequence[Port], parameters: Mapping[str, ModelParameter],
         effects: Sequence[tuple[str, str, Mapping[str, float]]], folder: Path,
     ) -> Self:  # fmt: skip
-        """Return the simulator of a file: its kind, the table of that name, and what all kinds have."""
+        """Return the simulator of a file from its kind, the table of that name, and the entries of all kinds."""
         raise NotImplementedError
 
     def page_table(self, folder: Path) -> dict[str, Any]:

@@ -97,7 +97,7 @@ def columns_of(names: Sequence[str], telling: Set[str] = frozenset()) -> list[Co
 def column_of(
     name: str, silent: Set[str] = frozenset(), telling: Set[str] = frozenset(), meant: Mapping[str, str] | None = None
 ) -> Column:
-    """Return the content of a header: words silent on roles, words that tell ports apart, what abbreviations mean."""
+    """Return the content of a header: words without a role, words that distinguish ports, and full forms."""
     header = read_header(name)
     unit = header.unit if header.unit not in (None, "1", "-") else ""  # a 1 in brackets counts columns
     letters = unit.isalpha() and len(unit) == 1
@@ -136,7 +136,7 @@ def places_of(ports: Sequence[Port], driven: Set[str]) -> tuple[list[Place], fro
 
 
 def _place(port: Port, drives: bool = False) -> Place:
-    """Return a port; what drives a joint and has no unit is an effort of any kind."""
+    """Return a port; a joint's input without a unit is an effort of any kind."""
     words = tokens(port.name)
     found = frozenset((dimension(port.unit),)) if dimension(port.unit) else dimensions_of(words)
     if drives and not found:

@@ -102,7 +102,7 @@ class _Matcher:
         ).reshape(len(self.places), len(self.columns))
 
     def _by_motion(self) -> list[Column]:
-        """Return the columns with what the samples say of those whose names say nothing, or one of two things."""
+        """Return the columns, those with ambiguous names or none identified by their samples."""
         t, frame = self.t[:_ROWS], {name: x[:_ROWS] for name, x in self.frame.items()}
         rates = is_rate_of(t, frame)
         under = set(rates.values())
@@ -165,7 +165,7 @@ class _Matcher:
         return bool(other) and apart and is_named(place, column)
 
     def _moved(self, pairs: Mapping[str, str]) -> np.ndarray:
-        """Return the score of each pair by the samples, given what is known of other ports."""
+        """Return the score of each pair by the samples, given the known pairs."""
         out = np.zeros_like(self.base)
         over = {position: velocity for velocity, position in self.place_under.items()}
         for k, place in enumerate(self.places):
@@ -187,7 +187,7 @@ class _Matcher:
 
     # --- assignment -----------------------------------------------------------------------------------------
     def assigned(self, known: Mapping[str, str]) -> dict[str, str]:
-        """Return the pairs with the highest total score, given what is known of others."""
+        """Return the pairs with the highest total score, given the known pairs."""
         from scipy.optimize import linear_sum_assignment
 
         if not self.base.size:
@@ -356,7 +356,7 @@ class _Matcher:
         return f"read in {place.port.unit}, though it reaches {most:.3g}: say its unit" if most > usual else ""
 
     def _unit_of_rate(self, under: Match, column: Column, place: Place, stated: str) -> tuple[str | None, str]:
-        """Return the unit under which a rate is the derivative of its position, or None, and what was found."""
+        """Return the unit under which a rate is the derivative of its position, or None, and the finding."""
         r, slope = self._rate(under.column, column.name)
         if math.isnan(r):
             return stated or _own(place), f"its name, read in {stated or place.port.unit}"

@@ -355,7 +355,7 @@ class MujocoSimulator(Simulator):
         return out.with_(between=self.between)  # type: ignore[return-value]
 
     def _feeds_back(self, where: str) -> bool:
-        """Return whether an actuator is a servo: its gear would change what it feeds back, too."""
+        """Return whether an actuator is a servo, whose gear also scales its feedback."""
         at = list(self._actuators).index(where)
         return int(self._m.actuator_biastype[at]) != int(_mujoco().mjtBias.mjBIAS_NONE)
 

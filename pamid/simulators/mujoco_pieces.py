@@ -204,7 +204,7 @@ class _Reader:
 
 
 def _inverted(H: np.ndarray) -> np.ndarray:
-    """Return the inverses of matrices, the instant last; first in what is returned."""
+    """Return the inverses of matrices; the instant is the last axis of the input and the first of the result."""
     out = np.full((H.shape[2], *H.shape[:2]), np.nan)
     good = np.isfinite(H).all(axis=(0, 1))
     out[good] = np.linalg.inv(np.moveaxis(H[:, :, good], -1, 0))

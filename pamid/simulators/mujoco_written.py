@@ -1,4 +1,4 @@
-"""A MuJoCo model with its numbers and effects as MJCF: what MJCF has elements for is written, the rest is named."""
+"""A MuJoCo model with its numbers and effects as MJCF; effects without an MJCF element are named."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class Payload(Effect):
     z: float
 
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
-        """Return the mass and place of what the body carries: two loads are one at their common centre."""
+        """Return the mass and place of the body's load: two loads are one at their common centre."""
         mass = values["value"] + self.mass
         share = self.mass / np.maximum(mass, np.finfo(float).tiny)
         place = {axis: values[axis] + share * (getattr(self, axis) - values[axis]) for axis in "xyz"}

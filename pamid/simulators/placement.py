@@ -51,7 +51,7 @@ class Placement:
     port: str
     """Name of the port: where it acts."""
     effect: type[Effect]
-    """The library's effect, its parameters within what a log can show."""
+    """The library's effect, its parameters bounded by what a log can show."""
     enters: str
     """``"input"``, ``"output"``, ``"state"`` (its rate), ``"parameter"`` or ``"link"``, see `at`."""
     at: str

@@ -1,4 +1,4 @@
-"""An effect of the library placed at a port: its parameters within what a log can show, in the units of the port."""
+"""An effect of the library placed at a port, with parameters in its units, bounded by what a log resolves."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _frequency(p: Parameter) -> bool:
 
 
 def _seen(p: Parameter, fastest: float) -> Parameter:
-    """Return a frequency bounded by what the sampling resolves."""
+    """Return a frequency bounded by the sampling."""
     if not _frequency(p):
         return p
     upper = max(min(p.upper, fastest), 2.0 * p.lower)

@@ -154,7 +154,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
 
 
 def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
-    """Return a log without what sensors read at the one end of their range that they reach, with notes."""
+    """Return a log without readings at the one end of the range that sensors reach, with notes."""
     channels, gaps, notes = dict(log.channels), dict(log.gaps), list(log.notes)
     for name in readings:
         if (end := one_sided_end(x := log.channels[name], log.spans)) is not None:

@@ -183,7 +183,7 @@ class _Way(NamedTuple):
 
 
 def _ways_out(*ways: _Way) -> str:
-    """Return the units that factors suggest, and what to write; without any, how to write the factors themselves."""
+    """Return the units that factors suggest and the text to write; without any, the text of the factors."""
     likely, plain = [], []
     for port, times, values, within in ways:
         found, factor = _units(port.unit, times, within), _option(port, f"*{times:.3g}")

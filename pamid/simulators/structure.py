@@ -68,7 +68,7 @@ def straight(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, 
 def joints_of(
     simulator: Simulator, pairs: Mapping[str, str], pushes: Mapping[tuple[str, str], float]
 ) -> list[JointPort]:
-    """Return the joints of a simulator: those of its joint ports, and what its kinematics show."""
+    """Return the joints of a simulator: those of its joint ports, and those that its kinematics show."""
     found = []
     for port in simulator.ports:
         if port.kind == "joint":

@@ -34,7 +34,7 @@ def coverage_picture(log: pd.DataFrame, c: Coverage) -> Figure:
 
 
 def run_picture(log: pd.DataFrame, c: Coverage) -> Figure:
-    """Draw the longest run over time: what moves, and what is measured."""
+    """Draw the longest run over time: the moving and the measured signals."""
     sizes = log.groupby("trajectory", sort=False).size()
     run = log[log["trajectory"] == sizes.idxmax()]
     names = [n for n in dict.fromkeys((c.position, c.pressure, c.target)) if n] or [str(log.columns[-1])]

@@ -1,4 +1,4 @@
-"""Whether forces, flows and pressures of a log belong together: what piston and what volume they would make."""
+"""Whether forces, flows and pressures of a log are consistent: the piston and the volume that they imply."""
 
 from __future__ import annotations
 

@@ -66,7 +66,7 @@ def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation]
 
 
 def _responses(evidence: Evidence) -> tuple[list[str], np.ndarray]:
-    """Return the effects that change anything, and what they do to the residuals, a column each."""
+    """Return the effects that change the residuals, and their changes, a column each."""
     names, columns = [], []
     known = all_effects()
     for name in chosen_effects("all", "bench"):
@@ -83,7 +83,7 @@ def _responses(evidence: Evidence) -> tuple[list[str], np.ndarray]:
 
 
 def _products(D: np.ndarray, J: np.ndarray) -> np.ndarray:
-    """Return the products of columns, less what tolerances explain at the cost of leaving their nominal values."""
+    """Return the products of columns with the tolerances projected out, at the price of their priors."""
     gram = D.T @ D
     if J.shape[1]:
         cross = J.T @ D
@@ -119,7 +119,7 @@ def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
 
 
 def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
-    """Return the run of the diagnosis's own choices that would show or split most of what this log leaves open."""
+    """Return the run among the diagnosis's candidates that would show or split most of the undecided effects."""
     from ..bench import simulate
     from ..gap.diagnosis.next_experiment import CHOICES
     from ..gap.residuals.bench import Evidence

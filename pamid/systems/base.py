@@ -278,7 +278,7 @@ class System(Simulator, ABC):
         return {}
 
     def samples(self, log: pd.DataFrame) -> pd.DataFrame:
-        """Return a log with what its estimator learns from and its target; no target in rows where it is not known."""
+        """Return a log with the inputs and target of its estimator; no target in rows where it is not known."""
         return log
 
     def unit_of(self, columns: Collection[str]) -> str:

@@ -64,7 +64,7 @@ class Cylinder(System):
         return {"target": "N", "position": "m", "pressure": "Pa"}
 
     def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
-        """Return the cylinder with further effects, and what F is for them."""
+        """Return the cylinder with further effects, and the meaning of F for them."""
         found = super().corrected(effects, sense, unit)
         found.values["force"] = next(word for word, way in _SENSES.items() if way == sense)
         return found

@@ -63,7 +63,7 @@ class Draft:
     page: str = ""
     """Their page."""
     runs_code: bool = False
-    """Whether what the simulator file names runs code of its own, as an FMU does."""
+    """Whether the simulator file names foreign code, such as an FMU."""
     supposed: dict[str, str] = field(default_factory=dict)
     """What nobody has said of a signal's column or unit, and why it is taken so."""
     own_page: Path | None = None
@@ -229,7 +229,7 @@ class Draft:
             self._look_at_clock(clock.column)
 
     def _length_or_shortening(self, guess: Guess) -> Guess:
-        """Return a guess of how far a muscle is contracted: what is near its length is one."""
+        """Return a guess of a contraction, as a length where its readings are near the muscle's."""
         rest = self.numbers.get("rest_length")
         if guess.source != "shortening" or guess.why == "given" or rest is None or guess.high != guess.high:
             return guess
@@ -336,7 +336,7 @@ class Draft:
         return tuple(name for name in all_systems()[self.kind].own(known) if name not in self.numbers)
 
     def page_text(self) -> str:
-        """Return the simulator file; what nobody has given is marked in it."""
+        """Return the simulator file, with numbers that were not given marked."""
         if self.ports:
             return self.page
         if self.kind == "bench":

@@ -1,4 +1,4 @@
-"""A driven joint with a lever: what drives it against inertia and gravity."""
+"""A driven joint with a lever: its drive against inertia and gravity."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class Joint(System):
 
     @property
     def units(self) -> dict[str, str]:
-        """The drive's unit, radian; what stands for a pressure is a load in the drive's unit."""
+        """The drive's unit, radian; in place of a pressure there is a load in the drive's unit."""
         unit = "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
         return {"target": unit, "position": "rad", "pressure": unit}
 
@@ -86,7 +86,7 @@ class Joint(System):
         return log.assign(drive=np.where(usable, drive, np.nan))
 
     def unit_of(self, columns: Collection[str]) -> str:
-        """Return the unit of what drives the joint on a log with some columns."""
+        """Return the unit of the joint's drive on a log with some columns."""
         if "drive" in columns:
             return "drive unit" if self.values["unit"] == "unknown" else str(self.values["unit"])
         return "V" if "voltage" in columns else "output unit"

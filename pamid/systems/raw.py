@@ -1,4 +1,4 @@
-"""The tables of raw logs before anything is known of them, and what their clocks and variables say of their runs."""
+"""The tables of raw logs before anything is known of them, and the runs that their clocks and variables show."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class LevenbergMarquardt(Trainer):
 
 
 class _Pass(NamedTuple):
-    """A pass through the network: parameters, what it leaves behind, its residuals, and what its loss is made of."""
+    """A pass through the network: parameters, intermediate values, residuals and parts of the loss."""
 
     psi: Parameters
     theta: Parameters

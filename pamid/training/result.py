@@ -77,7 +77,7 @@ class BestSoFar:
         self.since = 0
 
     def offer(self, score: float, parameters: Parameters) -> None:
-        """Take the parameters if their score is the best so far, or whatever it is."""
+        """Keep the parameters if their score is the best so far, or in any case if asked to."""
         if self.last or score < self.score or not self.parameters:
             self.score, self.since = score, 0
             self.parameters = [p.clone() for p in parameters]

@@ -76,9 +76,9 @@ class ClassicalVolume(ABC):
     parameters: ClassVar[tuple[FitParameter, ...]] = ()
     """The scalar parameters that a nonlinear fit may free; empty for a model that is linear in its coefficients."""
     force_falls: ClassVar[bool] = True
-    """Whether the model claims that the force under constant pressure falls with contraction, whatever its numbers."""
+    """Whether the force under constant pressure falls with contraction for any parameters of the model."""
     pulls: ClassVar[bool] = True
-    """Whether the model claims that gauge pressure makes it shorten near its rest length, whatever its numbers."""
+    """Whether gauge pressure shortens the muscle near its rest length for any parameters of the model."""
     depends_on_pressure: ClassVar[bool] = False
     """Whether V is a function of the pressure, too."""
 

@@ -128,7 +128,7 @@ class NeuralVolume:
         return self.jet_at(self._columns(state))
 
     def jet_at(self, x: np.ndarray) -> VolumeJet:
-        """Return the same at inputs of shape (n_samples, n_inputs), the state first, then what effects remember."""
+        """Return the same at inputs of shape (n_samples, n_inputs): the state, then the effects' memory."""
         xi, slope = self.scale.apply(x)
         value, (d_eps, d_P) = network_jet(self.weights, xi, (0, 2), self.activation)
         return VolumeJet(

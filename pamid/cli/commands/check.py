@@ -146,7 +146,7 @@ def _diagnose(args: argparse.Namespace) -> str:
 
 
 def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[str]]:
-    """Read the log; what the other commands refuse for its units or its clock is read all the same and told."""
+    """Read the log; unlike other commands, report doubts about units or clock instead of refusing it."""
     from ...signals import LogMapping
     from ...signals.log import log_settings, read_with_notes
 

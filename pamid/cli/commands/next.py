@@ -152,7 +152,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _following(args: argparse.Namespace, history: History) -> str:
-    """Return the command that continues with what was recorded."""
+    """Return the command that continues with the recorded run."""
     given = [
         f" --{name} {quoted([os.path.relpath(value) if name == 'columns' else value])}"
         for name, value in (("columns", history.columns), ("encoding", history.encoding), ("sim", args.sim))

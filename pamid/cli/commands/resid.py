@@ -147,7 +147,7 @@ def _chance(p: float) -> str:
 
 
 def _verdict(test: ResidualTest) -> str:
-    """Return in a sentence what the test says."""
+    """Return the result of the test in a sentence."""
     limit = 1.0 - test.level
     guilty = [name for name, p in test.p_input.items() if p < limit]
     if guilty:

@@ -1,1 +1,1 @@
-"""The next runs: which of a continuous family best discriminate what a diagnosis left undecided."""
+"""The next runs: those of a continuous family that best decide between the explanations of a diagnosis."""

@@ -1,4 +1,4 @@
-"""The run that would confirm what a monitor named during operation."""
+"""The run that would confirm the finding of a monitor."""
 
 from __future__ import annotations
 

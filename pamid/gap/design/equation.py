@@ -1,4 +1,4 @@
-"""The next run for one equation: motions and pressures within what the log has visited."""
+"""The next run for one equation: motions and pressures within the range of the log."""
 
 from __future__ import annotations
 

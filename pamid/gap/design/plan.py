@@ -1,4 +1,4 @@
-"""The plan of the next runs: what to record, what is expected from it, and what each outcome would mean."""
+"""The plan of the next runs: inputs, expected results, and the meaning of each outcome."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ class Discrimination:
         return np.asarray(self.outlook(chosen)[:, :, 0])
 
     def outlook(self, chosen: Sequence[int]) -> np.ndarray:
-        """Return the differences for each of the draws of what is true, shape (n_explanations, n_explanations, n)."""
+        """Return the differences for each draw of the truth, shape (n_explanations, n_explanations, n)."""
         return np.array([self.row(i, chosen) for i in range(self.m)])
 
     def row(self, i: int, chosen: Sequence[int]) -> np.ndarray:

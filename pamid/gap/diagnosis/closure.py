@@ -190,7 +190,7 @@ def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
 def main_equation(
     evidence: ResidualSource, effect: str, contribution: np.ndarray, closure: Mapping[str, Closure]
 ) -> str:
-    """Return the equation in which an effect closes most, at most what all causes close there."""
+    """Return the equation in which an effect closes most, at most as much as all causes there."""
     closed, strength = {}, {}
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         c = closure[name]

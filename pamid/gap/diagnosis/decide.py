@@ -45,7 +45,7 @@ class Verdict:
 
     @property
     def reserved(self) -> bool:
-        """Whether some of what is named may only look like the cause: one beyond the library is not excluded."""
+        """Whether some named causes may only look like the cause: one beyond the library is not excluded."""
         return self.named and not all(self.trust[name].sure for name in self.outcome.best.names)
 
     @property

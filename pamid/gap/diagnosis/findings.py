@@ -98,7 +98,7 @@ class Band:
 
 @dataclass(frozen=True)
 class Event:
-    """A stretch of a run in which what the causes leave is far beyond the noise and its usual size.
+    """A stretch of a run in which the residual of the causes is far beyond the noise and its usual size.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ class ParameterEstimate:
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect of the library, ``none`` or ``unknown``, and what speaks for it.
+    """An effect of the library, ``none`` or ``unknown``, and its evidence.
 
     Parameters
     ----------
@@ -383,7 +383,7 @@ class NextExperiment:
 
 @dataclass(frozen=True)
 class HypothesisFinding:
-    """A set of effects that was fitted to the whole of a log, and what speaks for it."""
+    """A set of effects that was fitted to the whole of a log, and its evidence."""
 
     effects: tuple[str, ...]
     """The effects."""

@@ -1,4 +1,4 @@
-"""The residual where no effect of the library is the cause: what it depends on, its rhythm, its closest formula."""
+"""The residual where no effect of the library is the cause: its dependence, rhythm and closest formula."""
 
 from __future__ import annotations
 

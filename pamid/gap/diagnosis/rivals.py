@@ -1,4 +1,4 @@
-"""The explanations of a log that are not ruled out: what a further run should separate."""
+"""The explanations of a log that are not ruled out, for a further run to separate."""
 
 from __future__ import annotations
 

@@ -186,7 +186,7 @@ class _Told:
         }
 
     def _unsupported(self, name: str, d: np.ndarray, size: np.ndarray) -> float:
-        """Return half of the interval of a cause's factor beside other causes, less what tolerances explain."""
+        """Return half of the interval of a cause's factor beside other causes, tolerances projected out."""
         D, slots = self.competition.sensitivities(self.best.fit)
         others = D[:, [n != name for n, _ in slots]] * size[:, None]
         if others.shape[1]:

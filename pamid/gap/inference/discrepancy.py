@@ -86,7 +86,7 @@ class Discrepancy:
         return np.sqrt(1.0 + times**2 * variance) if np.any(variance) else None
 
     def own_share(self, fit: Fit, name: str, D: np.ndarray, gap: np.ndarray) -> float:
-        """Return an effect's own contribution as a share of what the others leave open, where that is largest."""
+        """Return an effect's own contribution relative to the discrepancy of the others, where that is largest."""
         direct = {k: d for k, (d, _) in self._parts_of(fit).items()}
         rough = [d for k, d in direct.items() if k != name and has_form(self.evidence.effects[k])]
         if not rough:
@@ -137,7 +137,7 @@ def _signals(state: dict[str, np.ndarray]) -> list[np.ndarray]:
 
 
 def pasts(x: np.ndarray, evidence: ResidualSource) -> list[np.ndarray]:
-    """Return how far what windows hold is from its exponentially weighted past, for several ages."""
+    """Return the distance of window values from their exponentially weighted past, for several ages."""
     sequence = lanes(evidence)
     order = np.lexsort((evidence.time, sequence))
     starts = np.flatnonzero(np.diff(sequence[order], prepend=-1))

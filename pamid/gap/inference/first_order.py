@@ -1,4 +1,4 @@
-"""The library linearised on one log: what each effect and each set of them would explain, before any refit."""
+"""The library linearised on one log: the gain of each effect and each set of them, before any refit."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class FirstOrder(Worth):
         return [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
 
     def _bent(self, subset: Subset) -> float:
-        """Return by what share of its contribution a set differs from its model of first order, up to all of it."""
+        """Return the share of its contribution by which a set differs from its first-order model, at most 1."""
         evidence, m = self.evidence, self.evidence.J.shape[1]
         template = self.templates[subset.templates[0]]
         straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]

@@ -1,4 +1,4 @@
-r"""A nonparametric function of the state and its recent past: what no effect of the library explains.
+r"""A nonparametric function of the state and its recent past, for residuals that no effect explains.
 
 It is a sum of random cosines of the state, its exponentially weighted past, the path since the last reversal and the
 time, with Gaussian weights; how much of a residual it predicts for unseen runs competes with

@@ -23,7 +23,7 @@ PEAKS = 4
 
 @dataclass(frozen=True)
 class Template:
-    """An effect at one point of its grid, linear in what is left to fit."""
+    """An effect at one point of its grid, linear in its remaining parameters."""
 
     effect: str
     """Its name."""

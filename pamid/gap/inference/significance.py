@@ -70,7 +70,7 @@ def library_test(
 
 
 def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> Iterator[tuple[np.ndarray, bool]]:
-    """Yield an orthonormal basis of what a template changes beside tolerances, and whether it has one sign alone."""
+    """Yield an orthonormal basis of a template's changes beside tolerances, and whether it is of one sign."""
     for t in found:
         whole = t.columns * root[:, None]
         T = whole - Q @ (Q.T @ whole)

@@ -43,7 +43,7 @@ class Subset:
     loglik: float
     """Approximate log-likelihood."""
     score: float
-    """The same less what its effects cost."""
+    """The same less the penalty of its effects."""
     scales: np.ndarray
     """Scale of each equation's residual, shape (n_equations,)."""
     left: np.ndarray

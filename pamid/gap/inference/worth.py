@@ -128,7 +128,7 @@ class Worth:
         return h.own
 
     def _shares(self, fit: Fit, D: np.ndarray, slots: list[tuple[str, Parameter]]) -> list[float]:
-        """Return how large each of several effects is beside what the others leave open, given their sensitivities."""
+        """Return the size of each effect relative to the discrepancy of the others, given their sensitivities."""
         if len(fit.spec) < 2:
             return []
         others = {name: np.array([n != name for n, _ in slots]) for name in fit.spec}

@@ -24,7 +24,7 @@ class Balance(NamedTuple):
     """The velocity that it holds against a position; empty for the simulator's own equations."""
 
     def rate(self, x: np.ndarray, dt: float) -> np.ndarray:
-        """Return the derivative of a channel over one run, without what smooths it."""
+        """Return the derivative of a channel over one run, without smoothing."""
         return np.asarray(np.diff(x, self.order) / dt**self.order)
 
     def mean(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -1,4 +1,4 @@
-r"""The unknown memory of effects at the start of a run: what it may add there is removed from the residuals.
+r"""The unknown memory of effects at the start of a run, projected out of the residuals.
 
 A spring that creeps, or gas that cools, begins a logged run with a past that is not in the log. Its contribution decays
 with a time constant τ of the effect, by an unknown amount a in each run and muscle,
@@ -17,7 +17,7 @@ import numpy as np
 
 
 def without_beginnings(z: np.ndarray, columns: Sequence[np.ndarray], block: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return residuals without what unknown initial memory explains, and the price of that freedom."""
+    """Return residuals with the unknown initial memory projected out, and the price of that freedom."""
     k, n = len(columns), int(block.max(initial=-1)) + 1
     B = np.column_stack(columns)
     H = np.empty((n, k, k))

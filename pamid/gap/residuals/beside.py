@@ -82,7 +82,7 @@ class Beside(ABC):
         return placements(self.simulator, self.sizes)
 
     def has(self, name: str) -> bool:
-        """Return whether the log holds what an effect acts on."""
+        """Return whether the log has the signals that an effect acts on."""
         return name in self._there
 
     def begin_as(self, other: Beside) -> None:

@@ -37,14 +37,14 @@ def speed_slopes(
 
 
 def rounded_off(simulator: Simulator, derived: Mapping[str, str], x: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return by how much derived speeds lack what their positions move in each step, shape (n_derived, n_rows)."""
+    """Return the motion of positions in each step less that of their derived speeds, shape (n_derived, n_rows)."""
     names = list(simulator.states)
     q, v = ([names.index(name) for name in some] for some in (derived.keys(), derived.values()))
     return lacking(x[q], x[v], log)
 
 
 def lacking(q: np.ndarray, v: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return by how much speeds lack what positions move in each step, shape (n_signals, n_rows)."""
+    """Return the motion of positions in each step less that of their speeds, shape (n_signals, n_rows)."""
     lack = (after(q, log) - q) / log.dt - 0.5 * (v + after(v, log))
     lack[:, [b - 1 for _, b in log.spans]] = 0.0  # no step begins there
     return np.asarray(lack)
@@ -53,7 +53,7 @@ def lacking(q: np.ndarray, v: np.ndarray, log: PortLog) -> np.ndarray:
 def with_what_lacks(
     force: Callable[[np.ndarray], np.ndarray], q: np.ndarray, v: np.ndarray, log: PortLog
 ) -> np.ndarray:
-    """Return a force at a derived speed, with what the speed lacks put back where the force is linear in it."""
+    """Return a force at a derived speed, corrected for the missing motion where it is linear in the speed."""
     step = 0.1 * float(np.std(v)) or 1.0
     slope = float(np.nan_to_num(np.median((force(v + step) - force(v - step)) / (2.0 * step))))
     lack = lacking(q[None], v[None], log)

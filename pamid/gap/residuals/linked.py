@@ -37,7 +37,7 @@ class Paths(ABC):
         """Return the sizes of the signals."""
 
     def _surveyed(self, gaps: Mapping[str, float]) -> SignalSizes:
-        """Return the sizes of the signals, and of what is across two ports."""
+        """Return the sizes of the signals, and of the differences across two ports."""
         signals, simulator, some = self.signals(), self.simulator, some_instants(self.log.n)
         names = (simulator.states, simulator.inputs)
         x, u = (np.array([signals[n][some] for n in some_of if n in signals]) for some_of in names)

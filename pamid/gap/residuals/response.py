@@ -61,7 +61,7 @@ class Response:
         self._steps = self._transitions(drive)
 
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the inputs at mid-step, and what effects add to the rates themselves."""
+        """Return the inputs at mid-step, and the effects' additions to the rates themselves."""
         before = self.before
         u = drive.u[:, before].copy()
         if drive.lines:

@@ -189,7 +189,7 @@ class SignalEvidence(PortEvidence):
         return self._mean((after - before) / small)
 
     def has(self, name: str) -> bool:
-        """Return whether the log holds what an effect acts on, and the system the numbers that it reads."""
+        """Return whether the log has the signals that an effect acts on, and the system the numbers that it reads."""
         return super().has(name) and bool(self.touched([name]))
 
     def _touched(self, name: str) -> list[str]:

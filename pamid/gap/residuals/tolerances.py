@@ -100,7 +100,7 @@ class Tolerances(ABC):
         return self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
 
     def _linear_slopes(self, spec: Spec) -> np.ndarray:
-        """Return the slopes of the linear case, where an effect on an input may change what of it is unknown."""
+        """Return the slopes of the linear case, where an effect on an input may change the input's nuisances."""
         skews, J = self._skews_under(self.active(spec)) if spec else self.skews, self.J
         for name, column in skews.items():
             if column is not self.skews[name]:
@@ -114,7 +114,7 @@ class Tolerances(ABC):
         return {}
 
     def _skews_under(self, active: Active) -> Mapping[str, np.ndarray]:
-        """Return the columns of nuisance parameters under effects: what passes an input on decides what is shifted."""
+        """Return the columns of nuisance parameters under effects, which change the shifted input."""
         on = [(place, made) for place, made in active if place.enters == "input" and not place.acts]
         names = {f"{what} of {place.at}" for what in TIMINGS for place, _ in on} & self.skews.keys()
         if not names:

@@ -52,7 +52,7 @@ class CutSteps:
         return self.along(x) - self._share * (1.0 - self._share) * self._bend[self._row]
 
     def at_both_ends(self, f: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return a force at the rows, and its lines over each step by what they are at its start and end."""
+        """Return a force at the rows, and its values at the start and end of each step."""
         rows = f[self.first]
         start, end = rows.copy(), after(rows[None], self.log)[0]
         if len(self.cut):

@@ -116,7 +116,7 @@ class UndoneEvidence(PortEvidence, ABC):
         return np.sqrt(1.0 + np.sum(power, axis=0)) if power else None
 
     def _power(self, name: str, values: Mapping[str, float]) -> np.ndarray:
-        """Return the mean square change of the residuals by noise in what a force follows, in units of their noise."""
+        """Return the mean square change of the residuals by noise in the inputs of a force, in units of their noise."""
         place = self.placements[name]
         size = float(np.linalg.norm([values[p.name] for p in place.effect.parameters if p.linear]))
         if not size > 0.0:

@@ -149,7 +149,7 @@ def _seen_from(folder: Path, **files: str) -> dict[str, str]:
 def read_history(
     folder: str | Path, simulator: AnySimulator | None = None, *, read: Callable[[str], AnySimulator] | None = None
 ) -> History:
-    """Read what an earlier diagnosis left.
+    """Read the history that an earlier diagnosis wrote.
 
     Parameters
     ----------

@@ -234,7 +234,7 @@ class StackedEvidence:
         return [self.plain(name) for name in names if self._is_there(name, k)]
 
     def has(self, name: str) -> bool:
-        """Return whether any log holds what an effect acts on."""
+        """Return whether any log has the signals that an effect acts on."""
         return any(self._is_there(name, k) for k in range(len(self.logs)))
 
     def _is_there(self, name: str, k: int) -> bool:
@@ -246,7 +246,7 @@ class StackedEvidence:
         return any(log.evidence.reads(channel) for log in self.logs)
 
     def stepped(self) -> None:
-        """Return None: what only one log may have is fixed."""
+        """Return None: parameters of single logs are fixed."""
 
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""

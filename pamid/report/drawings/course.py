@@ -57,7 +57,7 @@ def course_figure(
 def _draw(
     ax: Axes, d: Diagnosis, run: pd.DataFrame, part: pd.DataFrame, factor: float, rows: tuple[np.ndarray, ...] | None
 ) -> None:
-    """Draw a part of a run, with the fits of the whole run, over the rows of what was measured where there are any."""
+    """Draw a part of a run, with the fits of the whole run, over the measured rows if there are any."""
     if rows is not None:
         first, last = part["time"].iloc[[0, -1]]
         time, values = (x[(rows[0] >= first) & (rows[0] <= last)] for x in rows)
@@ -95,7 +95,7 @@ def shared_limits(d: Diagnosis, equation: str, trajectories: list[str]) -> tuple
 
 
 def fit(part: pd.DataFrame, name: str) -> float:
-    """Return 100 % less the error over the standard deviation of what was measured; NaN where that stands still."""
+    """Return 100 % less the error over the standard deviation of the measurements; NaN where these are constant."""
     spread = float(np.std(part["measured"].to_numpy(dtype=float)))
     error = float(np.sqrt(np.mean(np.square(part[name].to_numpy(dtype=float)))))
     return 100.0 * (1.0 - error / spread) if spread > 0 else float("nan")

@@ -1,4 +1,4 @@
-"""The residual by frequency, before and after, beside what noise would leave."""
+"""The residual by frequency, before and after, and the noise."""
 
 from __future__ import annotations
 

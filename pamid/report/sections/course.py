@@ -19,7 +19,7 @@ class CourseSection(Section):
     rank: ClassVar[int] = 15
 
     def shown(self) -> bool:
-        """Whether there are windows with what was measured."""
+        """Whether there are windows with measurements."""
         return bool(equations(self.diagnosis)) and "measured" in self.diagnosis.windows
 
     def content(self) -> dict[str, Any]:

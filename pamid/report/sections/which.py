@@ -1,4 +1,4 @@
-"""The candidates, and what was ruled out and why."""
+"""The candidates, those ruled out, and why."""
 
 from __future__ import annotations
 
