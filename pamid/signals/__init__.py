@@ -11,6 +11,7 @@ from .._lazy import attach
 _HOME = {
     "read_log": "log",
     "read_log_pieces": "pieces",
+    "read_log_part": "pieces",
     "write_log": "log",
     "LogMapping": "mapping",
     "SignalMapping": "mapping",

@@ -6,6 +6,7 @@ from .mapping import FileConstants as FileConstants
 from .mapping import LogMapping as LogMapping
 from .mapping import SignalMapping as SignalMapping
 from .noise import noise_level as noise_level
+from .pieces import read_log_part as read_log_part
 from .pieces import read_log_pieces as read_log_pieces
 from .plausibility import check_units as check_units
 from .rates import differentiate as differentiate
@@ -38,6 +39,7 @@ __all__ = [
     "merge_rates",
     "noise_level",
     "read_log",
+    "read_log_part",
     "read_log_pieces",
     "resample",
     "split_trajectories",

@@ -100,9 +100,40 @@ def read_log_part(
     check_units: bool = True,
     max_bytes: int = MAX_BYTES,
 ) -> tuple[pd.DataFrame, int]:
-    """Read whole runs, evenly spread over a log, up to `most` rows; return them and the rows of the whole log.
+    """Read whole runs, evenly spread over a log, up to a maximum number of rows.
 
-    Of parquet and HDF5 files of one table nothing else is read; the result equals `whole_trajectories` of `read_log`.
+    The result equals `whole_trajectories` of what `read_log` returns. Of a parquet file, or an HDF5 file of one table
+    of vectors, nothing else is read or kept in memory.
+
+    Parameters
+    ----------
+    most : int
+        Maximum number of rows.
+    nan, check_units, max_bytes : optional
+        As for `read_log`.
+
+    Returns
+    -------
+    log : DataFrame
+        Tidy frame.
+    rows : int
+        Rows of the whole log.
+
+    Raises
+    ------
+    LogError
+        As for `read_log`, for the part that is read.
+
+    Examples
+    --------
+    >>> import tempfile, pathlib
+    >>> import pandas as pd
+    >>> from pamid.signals import read_log_part, write_log
+    >>> log = pd.DataFrame({"trajectory": list("aabbccdd"), "time": [0.0, 0.001] * 4, "P": [2e5, 2.1e5] * 4})
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     part, rows = read_log_part(write_log(log, pathlib.Path(folder) / "log.parquet"), most=4)
+    >>> part["trajectory"].tolist(), rows
+    (['a', 'a', 'd', 'd'], 8)
     """
     settings = log_settings(mapping, nan, "warn", None, None, None)
     files = find_logs(paths)

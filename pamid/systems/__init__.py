@@ -13,6 +13,7 @@ _HOME = {
     "System": "base",
     "all_systems": "registry",
     "read_system": "file",
+    "compare_system": "comparison",
 }
 """In which module each public name lives."""
 

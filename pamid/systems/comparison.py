@@ -37,7 +37,48 @@ def compare_system(
     random_state: int = 0,
     progress: Callable[[str], None] | None = None,
 ) -> Comparison:
-    """Compare a system's nominal equation, the same with friction, and learners without physics, as `compare` does."""
+    """Compare models of a system's equation: its nominal one, the same with friction, and learners without physics.
+
+    Parameters
+    ----------
+    log : DataFrame
+        Tidy log with the system's `signals`; rows with missing values are left out.
+    system : System
+        The system.
+    estimators : "all" or sequence of str, default="all"
+        Labels, or patterns of labels.
+    cv, split : optional
+        As for `pamid.compare.compare`.
+    rows : callable, optional
+        Takes the table of signals with the target, returns which rows count.
+    fit_rows, score_rows, random_state, progress : optional
+        As for `pamid.compare.compare`.
+
+    Returns
+    -------
+    Comparison
+        The table, the best first.
+
+    Raises
+    ------
+    MissingColumnError
+        The log lacks a signal of the system.
+    TooFewTrajectoriesError
+        It has fewer than two runs.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas as pd
+    >>> from pamid.systems import compare_system
+    >>> from pamid.systems.cylinder import Cylinder
+    >>> t, runs = np.arange(0, 8, 0.01), []
+    >>> for k, w in enumerate((1.0, 2.0, 3.0)):
+    ...     P = 3e5 + 1e5 * np.sin(0.7 * t + k)
+    ...     F = 4.909e-4 * (P - 101_325) + 8 * np.sign(np.cos(w * t))
+    ...     runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "x": 0.01 * np.sin(w * t), "P": P, "F": F}))
+    >>> compare_system(pd.concat(runs), Cylinder(bore=0.025), ["nominal*"], cv=3).best.estimator
+    'nominal with friction'
+    """
     problem = system.problem(log)
     table, columns = _table(problem)
     usable = np.ones(len(table), dtype=bool) if rows is None or (kept := rows(table)) is None else kept
