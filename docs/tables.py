@@ -219,16 +219,17 @@ def estimators() -> str:
 
 
 WHAT_TO_DO = {
-    "PamidWarning": "If a sparse regression dropped a target, lower its threshold, or check that the target varies.",
+    "PamidWarning": "If a sparse regression dropped a target, lower its threshold, or check that the target varies. "
+    "If an extension is broken, correct its package.",
     "UnitWarning": "Give the unit of the column in the mapping, and say whether a pressure is gauge or absolute.",
     "ReadingWarning": "Inspect the rows that it names; repair the sensor, or leave the rows out.",
     "ExcitationWarning": "Record runs that vary the signal it names, record more runs, or leave the signal out.",
-    "ExtrapolationWarning": "Do not rely on these rows. Record data there and fit again, or stay within the range.",
-    "UnstableRunWarning": "Shorten the free run or fit on more runs; `simulate` shows which rows were held.",
+    "ExtrapolationWarning": "Do not rely on these predictions. Record data there and fit again, or stay within the range.",
+    "UnstableRunWarning": "Shorten the free run or fit to more runs; `held` in the result of `simulate` marks the rows.",
     "AdaptationWarning": "Check signs, units and diameter; use a source more like the target, or fit without one.",
-    "EffectsWarning": "Use the corrected simulator, which includes the cause, instead of the hybrid model.",
+    "EffectsWarning": "Use the corrected simulator, which includes the cause, instead of this model.",
     "SimulatorWarning": "Fix its seed in each call, and keep no state between calls.",
-    "StreamChangeWarning": "Check the sensors; if the muscle has changed, fit again on the rows since.",
+    "StreamChangeWarning": "Check the sensors; if the muscle has changed, fit again to the rows after the change.",
     "VolumeWarning": "Check units, signs and lengths; record runs that change the pressure faster.",
     "InterruptedFitWarning": "Nothing, if you stopped the fit; otherwise fit again.",
     "SamplingWarning": 'Resample with `pamid.signals.resample`, or pass `sampling="raise"` to refuse such logs.',

@@ -357,7 +357,7 @@ def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
 
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
-    """Base of all warnings of the package."""
+    """Base class of all warnings; issued directly for a sparse regression or a broken extension."""
 
 
 class UnitWarning(PamidWarning):
@@ -381,7 +381,7 @@ class UnstableRunWarning(PamidWarning):
 
 
 class AdaptationWarning(PamidWarning):
-    """Source and target of an adaptation do not match, or the geometry contradicts the data."""
+    """The source model does not suit the target muscle, or the geometry contradicts the data."""
 
 
 class EffectsWarning(PamidWarning):
@@ -393,7 +393,7 @@ class SimulatorWarning(PamidWarning):
 
 
 class StreamChangeWarning(PamidWarning):
-    """For the same inputs the target differs from earlier in the stream."""
+    """The same inputs now give another target than earlier in the stream."""
 
 
 class VolumeWarning(PamidWarning):
