@@ -39,11 +39,11 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield "docs/theory-laws.md", f"over windows of {1000 * WINDOW:g} ms"
     yield "docs/command-line.md", f"over windows ({1000 * WINDOW:g} ms on the bench)"
     yield statistics, f"sets grow to {WORDS[MOST_CAUSES]} effects"
-    yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the effects beside it"
+    yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the other effects in its set"
     yield statistics, f"jackknife over {WORDS[STRETCHES]} stretches of equal information"
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
-    yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'}"
-    yield "docs/diagnosis.md", f"Beyond {WORDS[MOST_DAYS]} days this is tested for named causes only."
+    yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'} above it"
+    yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days this is tested for named causes only."
     ratio = "if the ratio of measured to modelled values differs between them"
     yield "docs/diagnosis.md", f"{ratio} by a factor of {FACTOR:g}."
     yield (
@@ -67,8 +67,8 @@ def streams() -> Iterator[tuple[str, str]]:
     from pamid.online.recursive import GATE
 
     streaming = "docs/streaming.md"
-    yield streaming, f"| up to {MEMORY_ROWS:,} different rows the fit of all,"
-    yield streaming, f"| up to {MEMORY_ROWS_IN_ORDER:,} rows the fit of all runs,"
+    yield streaming, f"| a fit to all rows, if at most {MEMORY_ROWS:,} differ; otherwise to a random sample"
+    yield streaming, f"| a fit to all runs, if they have at most {MEMORY_ROWS_IN_ORDER:,} rows; otherwise"
     yield streaming, f"the diagnosis of all logs so far, up to {GapDiagnoser._memory_rows:,} rows"
     yield streaming, f"a sample {WORDS[round(GATE)]} standard deviations off is skipped"
     defaults = {name: p.default for name, p in inspect.signature(ChangeMonitor.__init__).parameters.items()}
@@ -76,7 +76,7 @@ def streams() -> Iterator[tuple[str, str]]:
     assert defaults["per"] == 600.0
     yield streaming, f"grow by less than {'a quarter' if defaults['growth'] == 1.25 else '?'} are not a change"
     assert "four blocks of a change at the soonest" in str(ChangeMonitor.__doc__)
-    yield streaming, f"at least {'a fifteenth' if BLOCKS == 4 * 15 else '?'} of the healthy stretch"
+    yield streaming, f"at least {'a fifteenth' if BLOCKS == 4 * 15 else '?'} of the duration of the healthy data"
     yield "docs/security.md", f"`watch` keeps at most {LONGEST_LINE / 2**20:g} MiB of a line"
 
 
@@ -94,7 +94,7 @@ def files() -> Iterator[tuple[str, str]]:
         f"| memory for loading | {_model_archive.MAX_BYTES / 2**20:g} MiB; "
         f"the file may unpack to a {PARTS[_model_archive.COPIES]} of that |",
     )
-    yield security, f"| schema | {_model_archive.MAX_JSON_BYTES[_model_archive.SCHEMA] / 2**20:g} MiB |"
+    yield security, f"| JSON schema | {_model_archive.MAX_JSON_BYTES[_model_archive.SCHEMA] / 2**20:g} MiB |"
     yield security, f"| entries | {_model_archive.MAX_ENTRIES:,} |"
     yield security, f"| depth of objects | {_model_types.MAX_DEPTH} |"
     yield security, f"| features, terms | {_model_fit.MOST_FEATURES:,} |"
@@ -161,8 +161,8 @@ def test_security_says_what_each_kind_of_simulator_may_do() -> None:
     rows = [[cell.strip() for cell in line.split("|")[1:3]] for line in table.splitlines() if line.startswith("| ")]
     said = {kind: told for kinds, told in rows for kind in kinds.split(", ") if kind not in ("kind", "---")}
     assert said.keys() == runs.keys()
-    # Without trust, what is data does everything, and what is code does nothing.
-    assert {kind: not told.startswith("everything") for kind, told in said.items()} == runs
+    # Without trust, what is data is fully usable, and what is code does not run.
+    assert {kind: not told.startswith("fully usable") for kind, told in said.items()} == runs
 
 
 def test_no_pickle_is_read_or_written() -> None:
@@ -177,6 +177,6 @@ def test_no_pickle_is_read_or_written() -> None:
 
 def test_a_claim_that_no_longer_holds_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("pamid.gap.several.variants.MOST_DAYS", 7)
-    assert ("docs/diagnosis.md", "Beyond seven days this is tested for named causes only.") in list(diagnosis())
+    assert ("docs/diagnosis.md", "With more than seven days this is tested for named causes only.") in list(diagnosis())
     with pytest.raises(AssertionError, match="seven days"):
         test_pages_say_what_the_code_does(diagnosis)

@@ -120,7 +120,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     tenth = re.findall(r"by 10 %: told in 3 of 3, delay median (\d+) s, largest (\d+) s", blocks["changes"])
     assert all(found == of for found, of, *_ in told)
     medians, largest = ([int(one[k]) for one in tenth] for k in (0, 1))
-    yield "docs/streaming.md", f"after {min(medians)} to {max(medians)} s in the median, {max(largest)} s at most"
+    yield "docs/streaming.md", f"of the force is {min(medians)} to {max(medians)} s, the longest {max(largest)} s"
     named = re.findall(r"^(\w+) .* (\d+) streams: named rightly within 2 s 100.0%", blocks["streaming-runs"], re.M)
     streams = {who: sum(int(n) for name, n in named if name == who) for who, _ in named}
     assert len(set(streams.values())) == 1
@@ -129,7 +129,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         f"`GapMonitor` and `OnlineAdapter` name a leak or friction within 2 s in all of {streams['GapMonitor']}",
     )
     (rate,) = re.findall(r"([\d,]+) a second of one core", blocks["streaming-samples"])
-    yield "docs/streaming.md", f"`OnlineAdapter` takes {rate} samples per second of one core"
+    yield "docs/streaming.md", f"`OnlineAdapter` processes {rate} samples per second on one core"
     peak, bound = re.findall(r"parquet +\d+ MB +100000 +[\d.]+ +(\d+) +(\d+)", blocks["large-logs"])[0]
     yield "docs/distributed.md", f"({peak} MB for 10⁷ rows in pieces of 100,000)"
     assert int(peak) <= int(bound)
@@ -155,14 +155,14 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     arms = re.findall(r"^\| ([^|]*) \| \**([\d.]+)", (ROOT / "docs/published.md").read_text(encoding="utf-8"), re.M)
     arm = {simulator: error for simulator, error in arms}
     ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit to another arm"]
-    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | a vendor's fit {vendor} mrad |"
+    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | error of a vendor's fit: {vendor} mrad |"
     yield "docs/published.md", f"the best other fit: {ours} mrad and"
     aim = "of those named without reserve"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
     yield "docs/withheld.md", f"**measured** here were {share} %"
-    yield "docs/diagnosis.md", f"Of names without reserve 5 % at most should be wrong; {share} %"
-    yield "docs/theory-diagnosis.md", f"[{share} % were measured]"
+    yield "docs/diagnosis.md", f"At most 5 % of the causes named without reserve should be wrong; {share} % were"
+    yield "docs/theory-diagnosis.md", f"[{share} % were wrong]"
 
 
 def test_pages_quote_what_was_recorded() -> None:
