@@ -372,6 +372,6 @@ def _far(p: np.ndarray, q: np.ndarray) -> bool:
     return not np.all((ratio * math.e >= 1.0) & (ratio <= math.e))
 
 
-def named(active: Active, numbers: np.ndarray) -> str:
+def named(active: Active, numbers: np.ndarray) -> int:
     """Return the cache key of effects and numbers."""
-    return repr(([(place.key, made.values) for place, made in active], numbers.tobytes()))
+    return hash((*((place.key, *made.values.items()) for place, made in active), numbers.tobytes()))

@@ -67,7 +67,7 @@ class ShootingEvidence(PredictedEvidence):
         self.pushes: dict[tuple[str, str], float] = {}
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
         self.saturated = {n: end for n, end in found.items() if end is not None}
-        self._from: dict[str, Begun] = {}
+        self._from: dict[int, Begun] = {}
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._slow_down()
         self._lay()
