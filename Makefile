@@ -90,8 +90,10 @@ dist: install
 # The wheel is installed into a new environment and used there, away from the checkout: commands, and tests of the rooms
 # that read templates of the package. WHEEL_TESTS= runs all tests of less than a second.
 WHEEL_TESTS ?= tests/report/test_report.py tests/survey tests/export/test_export_formulas.py
+# COMPLETE=--complete installs the dependencies, too, as a user has them, and runs the demo.
+COMPLETE ?=
 wheel: dist
-	$(THREADS) $(BIN)/python .ci/wheel.py --tests -q -n $(WORKERS) $(WHEEL_TESTS)
+	$(THREADS) $(BIN)/python .ci/wheel.py $(COMPLETE) --tests -q -n $(WORKERS) $(WHEEL_TESTS)
 
 benchmarks: install
 	@for file in benchmarks/[!_]*.py; do echo "== $$file"; $(THREADS) $(BIN)/python $$file || exit 1; done

@@ -100,13 +100,13 @@ class Runner:
         at, share = np.repeat(np.arange(len(t) - 1), m), np.tile(np.arange(m) / m, len(t) - 1)[:, None, None]
         held = u[at] + (share + 0.5 / m) * (u[at + 1] - u[at]) if self.lines else u[at]
         now, times = p[at] if p.ndim == 3 else np.broadcast_to(p, (steps, *p.shape)), t[at] + share[:, 0] * self.dt
-        flat = [_flat(held), _flat(now)]
+        inputs, numbers = _flat(held), _flat(now)
         ends = np.cumsum([len(own) for own in kept])
 
         def after(z: np.ndarray) -> np.ndarray:
             """Return states and memory after each step, from those before it, shape (n_states, n_steps * n_runs)."""
             own = [part.reshape(-1, z.shape[1]) for part in np.split(z[n:], ends[:-1])] if kept else []
-            x, later = self._step(times.ravel(), self.dt / m, z[:n], *flat, acting, own, paths)
+            x, later = self._step(times.ravel(), self.dt / m, z[:n], inputs, numbers, acting, own, paths)
             return np.concatenate([x, *later])
 
         z = np.empty((steps + 1, len(begun), many))
