@@ -24,6 +24,7 @@ import pamid.bench
 import pamid.compare
 import pamid.report
 import pamid.signals
+import pamid.survey.page
 import pamid.survey.survey
 from pamid import any_simulator, load, save
 from pamid.bench import BenchParameters, simulate, sine, unfold
@@ -112,7 +113,7 @@ def computed(bench, tmp_path_factory) -> Iterator[None]:
     patch.setattr(any_simulator, "diagnose", short)
     for module, name in ((pamid.compare, "compare"), (pamid.survey.survey, "survey"), (passport, "settled")):
         patch.setattr(module, name, remembered(getattr(module, name), whole=True))
-    for module, name in ((pamid.report, "report_html"), (pamid.survey, "survey_html"), (search, "plan_next")):
+    for module, name in ((pamid.report, "report_html"), (pamid.survey.page, "survey_html"), (search, "plan_next")):
         patch.setattr(module, name, remembered(getattr(module, name)))
     for which in ("old", "new"):
         (bench / f"found-{which}").mkdir()
