@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import hashlib
 import os
 import resource
 from collections.abc import Iterator
@@ -69,14 +70,29 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption(
         "--renew-slow", action="store_true", help="measure the tests that run, and list the slow ones anew"
     )
+    parser.addoption(
+        "--half",
+        metavar="KEY",
+        help="run half of the slow tests, drawn by a key such as the commit; the others as always",
+    )
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark the tests of the list, which stands apart from them so that it can be measured anew."""
-    known = slow_tests()
+def is_drawn(name: str, key: str) -> bool:
+    """Return whether a slow test belongs to the half that a key draws; all cases of a test stay together."""
+    return hashlib.sha256(f"{key} {name.partition('[')[0]}".encode()).digest()[0] % 2 == 0
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests of the list, which stands apart from them so that it can be measured anew; leave half out."""
+    known, key = slow_tests(), config.getoption("--half")
     for item in items:
         if _short(item) in known:
             item.add_marker(pytest.mark.slow)
+    if key:
+        left_out = [i for i in items if i.get_closest_marker("slow") and not is_drawn(_short(i), key)]
+        config.hook.pytest_deselected(items=left_out)
+        gone = set(left_out)
+        items[:] = [i for i in items if i not in gone]
 
 
 def pytest_collection_finish() -> None:

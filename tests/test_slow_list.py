@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from conftest import is_drawn
 
 TESTS = Path(__file__).parent
 ROOT = TESTS.parent
@@ -32,6 +33,7 @@ def test_slow_tests_are_left_out_of_the_short_run_alone():
     whole = next(rule for name, rule in rules.items() if name.split("\n")[-1] == "pytest-all")
     assert "pytest -n" in whole and "-m" not in whole.split("pytest -n")[1]
     script = (ROOT / ".ci" / "run").read_text("utf-8")
+    assert 'HALF="--half $half"' in script
     assert {"lint", "wheel", "pytest-all"} <= set(re.findall(r"^make ([\w-]+)", script, re.M))
 
 
@@ -39,3 +41,14 @@ def test_the_marker_follows_the_list(request):
     for item in request.session.items:
         if item.nodeid.rpartition("/")[2] in NAMES and "/" not in item.name:
             assert item.get_closest_marker("slow"), item.nodeid
+
+
+def test_each_key_draws_another_half_of_the_slow_tests():
+    names = sorted({name.partition("[")[0] for name in NAMES})
+    keys = [f"commit {k}" for k in range(8)]
+    halves = [{name for name in names if is_drawn(name, key)} for key in keys]
+    for half in halves:
+        assert 0.4 * len(names) < len(half) < 0.6 * len(names)
+    assert len(set().union(*halves)) > 0.98 * len(names)
+    for name in NAMES:
+        assert is_drawn(name, keys[0]) == (name.partition("[")[0] in halves[0])  # cases of a test stay together
