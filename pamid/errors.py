@@ -357,7 +357,7 @@ def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
 
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
-    """Base class of all warnings; issued directly for a sparse regression or a broken extension."""
+    """Base class of all warnings; issued directly if a sparse regression drops a target or an extension is broken."""
 
 
 class UnitWarning(PamidWarning):
@@ -393,7 +393,7 @@ class SimulatorWarning(PamidWarning):
 
 
 class StreamChangeWarning(PamidWarning):
-    """The same inputs now give another target than earlier in the stream."""
+    """The same inputs now give a different target than earlier in the stream."""
 
 
 class VolumeWarning(PamidWarning):

@@ -37,7 +37,7 @@ other names and units.
 _EPILOG = """\
 examples:
   pamid init run1.csv                                           sim.toml and a mapping for your own log
-  pamid check run1.csv --columns columns.toml --sim sim.toml    what it contains, and what it can tell
+  pamid check run1.csv --columns columns.toml --sim sim.toml    what it contains, and what it can tell you
   pamid simulate --muscle B --dataset D_B --out log.parquet     a simulated data set, with its sim.toml
   pamid evaluate log.parquet --sim log.sim.toml                 where simulator and log differ, and the noise floor
   pamid diagnose run1.csv --columns columns.toml --sim sim.toml --out diagnosis

@@ -48,12 +48,12 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield "docs/diagnosis.md", f"{ratio} by a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
-        f"explain the other to within {100 * ALIKE:g} %, or {WORDS[round(SEEN)]} standard deviations of the noise",
+        f"explains the other to within {100 * ALIKE:g} % or, if that is larger, {WORDS[round(SEEN)]} standard deviations",
     )
     alone = [f"`{name}`" for name, equation in all_equations().items() if not equation.combines]
     joined = [f"`{name}`" for name, equation in all_equations().items() if equation.combines]
     yield "docs/command-line.md", f"`equations` holds {', '.join(alone[:-1])} and {alone[-1]}"
-    yield "docs/command-line.md", f"{' and '.join(joined)} join two of them"
+    yield "docs/command-line.md", f"{' and '.join(joined)} each combine two of them"
 
 
 def streams() -> Iterator[tuple[str, str]]:

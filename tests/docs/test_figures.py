@@ -131,7 +131,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     (rate,) = re.findall(r"([\d,]+) a second of one core", blocks["streaming-samples"])
     yield "docs/streaming.md", f"`OnlineAdapter` processes {rate} samples per second on one core"
     peak, bound = re.findall(r"parquet +\d+ MB +100000 +[\d.]+ +(\d+) +(\d+)", blocks["large-logs"])[0]
-    yield "docs/distributed.md", f"({peak} MB for 10⁷ rows in pieces of 100,000)"
+    yield "docs/distributed.md", f"(measured: {peak} MB for 10⁷ rows in pieces of 100,000)"
     assert int(peak) <= int(bound)
 
     def at(block: str, name: str, log: int) -> float:

@@ -44,7 +44,7 @@ _ROOM = 1 << 20
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "show what a log contains, what it can tell and what to record next"
+    summary = "show what a log contains, what it can tell you and what to record next"
     parser = add_command(subparsers, "check", summary, _DESCRIPTION, _EXAMPLES)
     add_log_options(parser)
     parser.add_argument(

@@ -32,7 +32,10 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument("--to", choices=("c", "onnx", "fmu"), default="c", help="what to write (default: c)")
     parser.add_argument("--out", metavar="DIR", required=True, help="folder to write to; created if missing")
     parser.add_argument(
-        "--name", default="muscle", help="name of the files and prefix of all names in the code (default: muscle)"
+        "--name",
+        default="muscle",
+        metavar="NAME",
+        help="name of the files and prefix of all names in the code (default: muscle)",
     )
     parser.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64", help="floating type (default: float64)"
