@@ -50,7 +50,7 @@ class OnlineAdapter(SignalRegressor):
         A fitted hybrid model of one law, best in a `sklearn.frozen.FrozenEstimator`.
     effects : sequence of str or (str, dict), default=()
         Effects whose linear parameters are followed, by name and with values, such as ``"viscous_friction"``. Effects
-        without a linear parameter are followed by linearisation about the present estimate.
+        without a linear parameter are followed by linearisation about the current estimate.
     plant : Plant, optional
         The bench that effects refer to, ``BenchParameters.plant()``; needed with `effects`.
     sampling_interval : float, default=0.001

@@ -7,7 +7,7 @@ from .values import Parameter
 
 
 class ValveConductance(Deviation):
-    r"""Another sonic conductance: C → C (1 + δ)."""
+    r"""Different sonic conductance: C → C (1 + δ)."""
 
     name = "valve_conductance"
     family = "valve"
