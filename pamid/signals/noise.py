@@ -8,6 +8,9 @@ DIFFERENCE = 20.0**0.5
 """Standard deviation of the third difference of white noise of unit variance, √(1 + 9 + 9 + 1)."""
 _MAD = 0.6744897501960817
 """Median of the absolute value of a standard normal variable."""
+SPREAD = 1.49
+"""Standard deviation of `white_noise` relative to the noise, times the root of the number of rows: 3,000 draws of 100
+to 3,200 rows (tests/signals/test_noise.py)."""
 _CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many such fours are enough
 
 

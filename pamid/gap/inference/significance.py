@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...signals.noise import SPREAD
 from ..residuals.protocol import ResidualSource, lanes
 from ..settings import FAR, FEW, NOISE_KNOWN, NU
 from .gauss_newton import Fit
@@ -107,7 +108,7 @@ class Excess(NamedTuple):
     scale: float
     """Robust scale of the residual in units of the noise."""
     p_value: float
-    """Probability of as much if the noise is known to `NOISE_KNOWN`."""
+    """Probability of as much if the noise is known to `NOISE_KNOWN`, and as well as the log's rows show it."""
 
 
 def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) -> Excess:
@@ -123,7 +124,7 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
     means = np.bincount(label.ravel(), power) / count
     mean = float(np.average(means, weights=count))
     error = float(np.sqrt(np.average(np.square(means - mean), weights=count) / max(len(means) - 1, 1)))
-    known = 2.0 * NOISE_KNOWN
+    known = 2.0 * np.hypot(NOISE_KNOWN, SPREAD / np.sqrt(max(evidence.rows, 1)))
     return Excess(size, float(ndtr((1.0 - mean) / np.hypot(error, known))))
 
 

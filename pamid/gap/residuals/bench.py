@@ -65,6 +65,7 @@ class Evidence:
         channels = [c for c in CHANNELS if log.holds(c)]
         self.columns = [column for c in CHANNELS for column in columns_of(c) if log.reads(column)]
         self.runs: list[Run] = list(log.runs(Model(params, settled=True), channels))
+        self.rows = sum(len(run.time) for run in self.runs)
         pool_noise([run.stretch for run in self.runs])
         self.trajectories = list(dict.fromkeys(run.trajectory for run in self.runs))
         self.equations: list[str] = []

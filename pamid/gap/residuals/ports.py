@@ -102,6 +102,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     def _settle(self) -> None:
         """Compute everything that the protocol requires, once the windows are known."""
         log = self.log
+        self.rows = log.n
         self.equations = [w.equation for w in self.windows]
         self.units = {w.equation: w.unit for w in self.windows}
         ends = np.cumsum([0, *(len(w.first) for w in self.windows)])

@@ -48,6 +48,7 @@ class ResidualSource(Protocol):
     stretch: float  # correlation time of the residuals, s
     exact: bool
     bends: bool
+    rows: int  # of the log, which show its noise
     overlap: int  # most windows of an equation that one reading is in
     curved: bool  # tolerances are so wide that `slopes` differ from `J`
     twins: Mapping[str, str]  # effects that no log of this simulator distinguishes, each by the other's name

@@ -50,6 +50,7 @@ class StackedEvidence:
         sources: list[ResidualSource] = [log.evidence for log in self.logs]
         self.exact, self.bends, self.one_sided = sources[0].exact, sources[0].bends, sources[0].one_sided
         self.overlap = max(s.overlap for s in sources)
+        self.rows = sum(s.rows for s in sources)
         self.curved = any(s.curved for s in sources)
         first, *others = [s.twins for s in sources]
         self.twins: Mapping[str, str] = {a: b for a, b in first.items() if all(t.get(a, b) == b for t in others)}
