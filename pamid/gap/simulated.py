@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
     from .one_equation import stated
-    from .residuals.choice import PREDICTED_IF, motion_is_hidden, sign_may_be_lost
+    from .residuals.choice import PREDICTED_IF, better_derived, motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     if simulator.states_equation:
@@ -63,6 +63,10 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
     if derived is None or (simulated and simulator.form != "algebraic"):
         return predicted()
     found = DirectEvidence(at_ports, simulator, derived, refit)
+    if better := better_derived(found):
+        other = DirectEvidence(at_ports, simulator, {**derived, **better}, refit)
+        if not motion_is_hidden(other):
+            found, derived = other, other.derived
     if found.lines_explain_more():
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:

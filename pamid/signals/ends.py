@@ -22,19 +22,16 @@ class End(NamedTuple):
     """Rows that stand there, shape (n,)."""
     surprise: float
     """Logarithm of how unlikely each of them is for readings that end nowhere."""
+    side: int = 0
+    """1 or -1 for the upper or lower end of a sensor that reads farther on the other side, else 0."""
 
 
 def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
     """Return the end of a sensor's range, if readings that otherwise rarely repeat are exactly there."""
-    return _standing(x, np.abs(x), spans)
-
-
-def one_sided_end(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the same of a sensor that reads farther on the other side of zero."""
-    for size in (x, -x):
-        end = _standing(x, size, spans) if np.max(size, initial=0.0) < np.max(-size, initial=0.0) else None
-        if end is not None:
-            return end
+    for side, size in ((0, np.abs(x)), (1, x), (-1, -x)):
+        farther = side != 0 and np.max(size, initial=0.0) < np.max(-size, initial=0.0)
+        if (side == 0 or farther) and (end := _standing(x, size, spans)) is not None:
+            return end._replace(side=side)
     return None
 
 

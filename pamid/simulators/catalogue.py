@@ -7,10 +7,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import ClassVar
 
+import numpy as np
+
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
+from ..effects.output_saturation import OutputSaturation
 from ..effects.overflow import Overflow
 from ..errors import UnknownOptionError
+from ..signals.state import Array
 from ..signals.units import UNITS, Unit
 from .at_links import at_link
 from .base import Simulator
@@ -42,6 +46,40 @@ class PortOverflow(Overflow):
         Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
     )
     returned: float
+
+
+class ReadingRange(OutputSaturation):
+    r"""A reading stays within the range of its sensor, about zero or with an end on one side only.
+
+    .. math:: y' = \max(-y_s, \min(y_s, y)), \qquad y' = \min(y, y_u) \quad\text{or}\quad y' = \max(y, -y_d)
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
+        *OutputSaturation.parameters,
+        Parameter("upper", "N", 1e-2, 1e5, 280.0, "largest value, where only that side has an end", idle=True),
+        Parameter("depth", "N", 1e-2, 1e5, 280.0, "how far it reads below 0, where only that side ends", idle=True),
+    )
+    upper: float
+    depth: float
+
+    def measure(self, value: Array, x: Array) -> Array:
+        """Return the value within the range."""
+        if "upper" in self.values:
+            value = np.minimum(value, self.upper)
+        if "depth" in self.values:
+            value = np.maximum(value, -self.depth)
+        return value if {"upper", "depth"} & self.values.keys() else super().measure(value, x)
+
+    @staticmethod
+    def side_of(values: Mapping[str, float]) -> int:
+        """Return the side on which a range with these values ends: 1 for the upper, -1 the lower, 0 for both."""
+        return int("upper" in values) - int("depth" in values)
+
+    @classmethod
+    def ending(cls, side: int) -> type[Effect]:
+        """Return the effect of a range that ends on one side, or on both (0)."""
+        names = [p.name for p in cls.parameters]
+        return narrowed(cls, tuple(n for n in names if n != names[side]))
 
 
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
@@ -81,6 +119,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
     found["overflow"] = ("chamber", PortOverflow)
+    found["sensor_saturation"] = ("output", ReadingRange)
     found |= {name: ("link", effect) for name, effect in LAWS.items()}
     found |= {name: ("joint", effect) for name, effect in STOPS.items()}
     return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
@@ -147,11 +186,16 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if not span > 0.0:
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
+        own = {f"{name}@{where}": values for name, where, values in simulator.effects}
         for name, (kind, effect) in port_effects().items():
             if kind == "output":
+                end, reach = survey.ends.get(port, 0.0), survey.tops.get(port, span)
+                if issubclass(effect, ReadingRange):
+                    side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
+                    effect, reach = effect.ending(side), end if side else reach
                 found.append(placed(
                     name, effect, port, "measure", "output", port, {}, scales, unit, unit,
-                    reach=survey.tops.get(port, span), least=(1.0 - NEAR_END) * survey.ends.get(port, 0.0),
+                    reach=reach, least=(1.0 - NEAR_END) * end,
                 ))  # fmt: skip
     return found
 

@@ -45,7 +45,7 @@ def placed(
             plain = [(words.get(w, w) if turns else w.replace("rad", "-"), n) for w, n in powers_of.items() if n]
         units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
     changes: dict[str, Any] = {} if prior is None else {"prior": prior}
-    if reach and "limit" in units:
+    if reach and {"limit", "upper", "depth"} & units.keys():
         top, low = reach / scales.target, least / scales.target
         changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
     if any(p.periods or p.refines for p in effect.parameters):
@@ -82,7 +82,7 @@ def _remembered(p: Parameter, shortest: float) -> Parameter:
 
 def _reached(p: Parameter, top: float, least: float) -> Parameter:
     """Return the limit of a saturation within the range of a signal, and its least value."""
-    if p.name != "limit":
+    if p.name not in ("limit", "upper", "depth"):
         return p
     return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
 

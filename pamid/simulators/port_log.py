@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ColumnTypeError, MissingColumnError, ShortTrajectoryError
-from ..signals.ends import one_sided_end
+from ..signals.ends import end_of
 from ..signals.formats import is_measured
 from ..signals.mapping import LogMapping
 from .base import Simulator
@@ -150,14 +150,19 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
     t = np.concatenate([t for _, t, _, _ in even])
     made = PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
-    return _without_ends(made, [p.name for p in there if p.kind in ("output", "state")])
+    if simulator.form == "algebraic" or (simulator.form == "ode" and simulator.one_by_one):
+        return _without_ends(made, [p.name for p in there if p.kind in ("output", "state")])
+    return made
 
 
 def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
-    """Return a log without readings at the one end of the range that sensors reach, with notes."""
+    """Return a log without readings at the one end of the range that sensors reach, with notes.
+
+    Others are simulated over stretches, which shows how far the motion goes where a reading ends.
+    """
     channels, gaps, notes = dict(log.channels), dict(log.gaps), list(log.notes)
     for name in readings:
-        if (end := one_sided_end(x := log.channels[name], log.spans)) is not None:
+        if (end := end_of(x := log.channels[name], log.spans)) is not None and end.side:
             rows = x == x[end.rows][0]
             gaps[name] = gaps.get(name, False) | rows
             channels[name] = np.concatenate([_bridged(x[a:b], rows[a:b]) for a, b in log.spans])

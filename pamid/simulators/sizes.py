@@ -37,6 +37,8 @@ class SignalSizes(NamedTuple):
     """The state that a chamber feeds, by the chamber's own."""
     ends: Mapping[str, float] = MappingProxyType({})
     """Where readings stand exactly at the end of a sensor's range, that end."""
+    one_sided: Mapping[str, int] = MappingProxyType({})
+    """The side of those that read farther on the other one: 1 for an upper end, -1 for a lower one."""
     highs: Mapping[str, float] = MappingProxyType({})
     """Largest value of each state, where that is not its smallest and its range."""
     links: Sequence[Link] = ()
@@ -65,6 +67,7 @@ class SignalSizes(NamedTuple):
             gaps=largest("gaps"),
             readings=list(dict.fromkeys(n for s in each for n in s.readings)),
             ends={k: v for s in reversed(each) for k, v in s.ends.items()},
+            one_sided={k: v for s in reversed(each) for k, v in s.one_sided.items()},
         )
 
     def turns(self, name: str) -> bool:

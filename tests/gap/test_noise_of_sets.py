@@ -10,7 +10,7 @@ from pamid.gap.simulated import evidence_of
 
 from ..support.rail import log_of, rail
 
-LAG = {"sensor_lag@v": {"time_constant": 0.03}}
+LAG = {"sensor_lag@x": {"time_constant": 0.03}}
 DRAG = {"viscous_friction@x": {"coefficient": 0.5}}
 
 

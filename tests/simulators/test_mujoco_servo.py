@@ -133,4 +133,5 @@ def test_noise_that_biases_a_parameter_is_told(leg: Path, noise: float, told: bo
     log = _named(leg)
     log[["knee_q", "knee_dq", "knee_ctrl"]] *= 0.2  # a small motion
     log["knee_dq"] += noise * np.random.default_rng(1).standard_normal(len(log))
+    log["knee_q"] = np.round(log["knee_q"], 2)  # steps too coarse for the position to show the motion
     assert (PULLED in evidence_of(log, read_simulator(page), refit=True).notes) == told

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
 
 MASS, GAIN, COULOMB, VISCOUS = 95.0, 35.0, 20.4, 203.0
@@ -54,3 +55,22 @@ def test_a_fault_that_shows_between_the_readings_may_be_a_cause() -> None:
     found = diagnose_simulator(carriage(lag=0.02), rail(), ["sensor_lag", "coulomb_friction", "viscous_friction"])
     named = {(c.effects[0], c.where[0]) for c in found.causes}
     assert named == {("sensor_lag", "v"), ("coulomb_friction", "q"), ("viscous_friction", "q")}
+
+
+def test_a_noisy_speed_takes_nothing_from_what_the_position_shows() -> None:
+    log = carriage()
+    noise = {"none": log.drop(columns="v")}
+    noise |= {size: log.assign(v=log["v"] + size * np.random.default_rng(5).standard_normal(len(log)))
+              for size in (2e-4, 2e-2)}  # fmt: skip
+    found = {k: evidence_of(table, rail()) for k, table in noise.items()}
+    drive = {k: float(np.median(e.noise[e.parts[e.equations.index("q")]])) * np.sqrt(e.n) for k, e in found.items()}
+    assert drive[2e-2] < 1.2 * drive["none"]
+    assert drive[2e-4] < 1.2 * drive["none"]
+
+
+def test_a_fault_of_a_noisy_speed_shows_beside_the_position() -> None:
+    log = carriage()
+    log["v"] = 1.2 * log["v"] + 2e-2 * np.random.default_rng(5).standard_normal(len(log))
+    found = diagnose_simulator(log, rail(), ["coulomb_friction", "viscous_friction", "sensor_gain"])
+    named = {(c.effects[0], c.where[0]) for c in found.causes}
+    assert named == {("sensor_gain", "v"), ("coulomb_friction", "q"), ("viscous_friction", "q")}

@@ -6,7 +6,7 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.gap.simulated import evidence_of
-from pamid.signals.ends import end_of, one_sided_end
+from pamid.signals.ends import end_of
 from pamid.simulators import FunctionSimulator, Port
 
 DT, ROWS = 0.02, 500
@@ -48,21 +48,29 @@ def spans(log: pd.DataFrame) -> list[tuple[int, int]]:
 
 
 @pytest.mark.parametrize("way", [1, -1])
-def test_readings_at_one_end_of_a_range_are_left_out(way: int) -> None:
+def test_readings_at_one_end_of_a_range_are_left_out_where_runs_take_too_long(way: int) -> None:
     log = log_of()
     log["x"] *= np.where(way * log["x"] < 0, 1.2, 1.0)
     log = cut(log, way)
-    end = one_sided_end(log["x"].to_numpy(), spans(log))
-    assert end is not None and 0.05 < end.rows.mean() <= 0.11
-    evidence = evidence_of(log, cart())
+    end = end_of(log["x"].to_numpy(), spans(log))
+    assert end is not None and end.side == way and 0.05 < end.rows.mean() <= 0.11
+    slow = cart()
+    slow.one_by_one = True
+    evidence = evidence_of(log, slow)
     gap = evidence.log.gaps["x"]
     assert np.array_equal(gap, log["x"] == way * (way * log["x"]).max())
     assert "x stands at" in evidence.notes[0] and "These readings are left out" in evidence.notes[0]
 
 
-def test_a_right_simulator_beside_a_sensor_that_ends_on_one_side_has_no_gap() -> None:
-    found = diagnose_simulator(cut(log_of()), cart(), ["coulomb_friction", "sensor_gain", "sensor_saturation"], seed=0)
-    assert found.verdict == "none", found
+@pytest.mark.parametrize("way", [1, -1])
+def test_an_end_on_one_side_is_named(way: int) -> None:
+    log = cut(log_of(), way)
+    found = diagnose_simulator(log, cart(), ["coulomb_friction", "sensor_gain", "sensor_saturation"], seed=0)
+    [cause] = found.causes
+    assert cause.effects == ("sensor_saturation",) and cause.where == ("x",)
+    [(name, end)] = cause.parameters.items()
+    assert name == ("upper" if way > 0 else "depth")
+    assert end.value == pytest.approx((way * log["x"]).max(), rel=2e-3)
 
 
 def test_the_end_of_a_range_is_named_where_all_states_are_logged() -> None:
@@ -85,7 +93,9 @@ def test_what_is_left_out_is_bridged_within_its_run() -> None:
     log = cut(log_of())
     log.loc[log["trajectory"] == "1", "x"] = log["x"].max()  # one run stands there all along, the other one begins
     log.loc[:5, "x"] = log["x"].max()
-    x = evidence_of(log, cart()).log.channels["x"]
+    slow = cart()
+    slow.one_by_one = True
+    x = evidence_of(log, slow).log.channels["x"]
     assert np.all(x[:6] == log["x"][6]) and np.all(x[ROWS:] == log["x"].max())
 
 

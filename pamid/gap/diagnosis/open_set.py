@@ -15,7 +15,9 @@ The simulators of those benches are correct but for the causes. Any other model 
 once, so that something always exceeds the noise. As the two cannot be distinguished, names are also reported where
 they close more than they leave in the equations that they change, a share c, with the probability
 
-.. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr).
+.. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
+
+and always with reserve where they explain less than a twentieth of the gap in their equation.
 
 References
 ----------
@@ -27,9 +29,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import log
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
+from ..settings import OF_ITS_OWN
 from .signs import signs_of
 from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
@@ -42,6 +46,8 @@ class Trust:
     """Probability that it is."""
     signs: dict[str, float]
     """Its signs, see `signs_of`."""
+    of_its_own: bool = True
+    """Whether it is too large to compensate for the inexact forms of the causes beside it."""
 
     @property
     def named(self) -> bool:
@@ -66,7 +72,7 @@ class Trust:
     @property
     def sure(self) -> bool:
         """Whether it is enough to report it without reserve."""
-        return self.probability >= SURE
+        return self.of_its_own and self.probability >= SURE
 
 
 def trust(
@@ -82,5 +88,7 @@ def trust(
         if not competition.evidence.exact:
             closed = 1.0 - signs["left_where_it_acts"]
             probability = max(TRUSTED, 0.5 * (probability + closed)) if closed >= TRUSTED else closed
-        found[name] = Trust(probability, signs)
+        # In such a model no small further cause is told from what the forms of the others lack.
+        own = competition.evidence.exact or signs["faint"] <= -0.25 * log(OF_ITS_OWN)
+        found[name] = Trust(probability, signs, own)
     return found

@@ -9,8 +9,10 @@ from ...signals.noise import quantisation_step
 from ..settings import LEAST_GAIN
 from .bends import MATTERS
 from .direct import DirectEvidence
+from .kinematic import both_measured
 from .stretches import BELOW
 from .tolerances import rms
+from .window_length import window_noise
 
 ENDED = (
     "A reading stands at the end of its sensor's range: this kind of model is asked instant by instant, which takes "
@@ -38,6 +40,19 @@ def noise_pulls(found: DirectEvidence) -> bool:
 
 PREDICTED_IF = ((sensor_ends, ENDED), (noise_pulls, PULLED))
 """What predictions avoid, and what is said of a simulator for which they take too long."""
+
+
+def better_derived(found: DirectEvidence) -> dict[str, str]:
+    """Return the logged velocities, by positions, whose noise hides more of an acceleration than the position's."""
+    log, better = found.log, dict[str, str]()
+    if found.runs_within_steps:  # positions at the rows do not show what happens between them
+        return better
+    for position, velocity in both_measured(found.pairs, log).items():
+        noises = [window_noise(found.channel_noise(name), found.n, order, log.dt)
+                  for name, order in ((position, 2), (velocity, 1))]  # fmt: skip
+        if noises[0] < noises[1]:
+            better[position] = velocity
+    return better
 
 
 def motion_is_hidden(found: DirectEvidence) -> bool:

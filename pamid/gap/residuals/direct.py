@@ -42,7 +42,7 @@ from .balance import Balance
 from .bends import matters, means, simpson, steps_of
 from .between_rows import after, passed_on, timings
 from .derived import rounded_off, speed_slopes
-from .kinematic import ACCURACY, bent, both_measured, nuisances
+from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints, roles_of
@@ -79,9 +79,8 @@ class DirectEvidence(UndoneEvidence):
         self._bend = np.zeros((len(simulator.states), 2 * log.n))
         self._step: float | None = None
         """Step by which the simulator is run over each sample; None where lines between its ends are enough."""
-        self._fast = False
+        self._fast, self._u = False, log.inputs(simulator)
         self._x, self._table = self._motion(log.channels)
-        self._u = log.inputs(simulator)
         if simulator.form == "ode":
             at = self._some()
             self.pushes = pushes_of(simulator, *at, self._steps)
@@ -142,10 +141,10 @@ class DirectEvidence(UndoneEvidence):
             if state in self.pairs:
                 continue
             unit, name = rate_unit(simulator, state), names.get(state, state)
-            if state in log.channels:
-                found.append(Balance(name, state, 1, row, unit))
-            elif state in self.derived.values():
+            if state in self.derived.values():
                 found.append(Balance(name, positions[state], 2, row, unit))
+            elif state in log.channels:
+                found.append(Balance(name, state, 1, row, unit))
         named = {b.name for b in found}
         for position, velocity in both_measured(self.pairs, log).items():
             row, name = simulator.states.index(position), velocity if velocity not in named else position
@@ -206,7 +205,7 @@ class DirectEvidence(UndoneEvidence):
             part, found = slice(ends[k], ends[k + 1]), {}
             if b.velocity:
                 within = self._accelerations()[self.simulator.states.index(b.velocity)]
-                rates = nuisances(self._table[b.velocity], within, self.log, self.n, self._first[k])
+                rates = nuisances(self.log.channels[b.velocity], within, self.log, self.n, self._first[k])
                 found = {f"{name} of {b.velocity}": own for name, own in rates.items()}
             elif b.name in driven and np.all(np.isfinite(plain[part])):
                 small = OF_ITS_OWN * float(np.sqrt(np.mean(np.square(plain[part])))) if ends[k + 1] > ends[k] else 0.0
@@ -243,9 +242,10 @@ class DirectEvidence(UndoneEvidence):
 
     def _under(self, u: np.ndarray, change: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the residuals under other inputs, or with rates that differ."""
-        known = self.simulator.numbers
+        known, readings = self.simulator.numbers, self.log.channels
         rates = self._total_rates(self._x, u, np.hstack([u, self._ends(u)]), known, False)
-        return self._windowed([], self.log.channels, rates + change, self._outputs(self._x, u, known))
+        rates = rates + as_read(self.derived, readings, self.simulator.states, self._x, self.log)
+        return self._windowed([], readings, rates + change, self._outputs(self._x, u, known))
 
     def _outputs(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         log, simulator = self.log, self.simulator
@@ -328,6 +328,7 @@ class DirectEvidence(UndoneEvidence):
         if simulator.form == "algebraic":
             return self._windowed(active, readings, np.zeros((0, 0)), self._outputs(x, shown, p))
         rates = self._total_rates(x, u, pushed, p, restored) + added
+        rates = rates + as_read(self.derived, readings, simulator.states, x, log)
         return self._windowed(active, readings, rates, self._outputs(x, shown, p))
 
     def _both(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> Instant:

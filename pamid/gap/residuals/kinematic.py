@@ -29,6 +29,7 @@ import numpy as np
 
 from ...equations.windows import average
 from ...simulators.port_log import PortLog
+from .between_rows import after
 
 ACCURACY = 1e-3
 """Share of a reading to which another one of the same motion can be held: the best usual class of instruments is 0.1
@@ -38,6 +39,20 @@ ACCURACY = 1e-3
 def both_measured(pairs: Mapping[str, str], log: PortLog) -> dict[str, str]:
     """Return the velocities by positions where the log holds both."""
     return {x: v for x, v in pairs.items() if x in log.channels and v in log.channels}
+
+
+def as_read(
+    derived: Mapping[str, str], readings: Mapping[str, np.ndarray], states: Sequence[str], x: np.ndarray, log: PortLog
+) -> np.ndarray | float:
+    """Return what the rates of positions lack so that these are compared with speeds as read, not as derived."""
+    read = [(q, v) for q, v in derived.items() if v in readings]
+    if not read:
+        return 0.0
+    out = np.zeros((len(x), 2 * log.n))
+    for q, v in read:
+        lacking = (readings[v] - x[list(states).index(v)])[None]
+        out[list(states).index(q)] = np.hstack([lacking, after(lacking, log)])
+    return out
 
 
 def bent(v: np.ndarray) -> np.ndarray:

@@ -404,8 +404,21 @@ class ShootingEvidence(PredictedEvidence):
             lows[name], highs[name] = lows[name] / UNSURE, highs[name] * UNSURE
         length = float(np.median(lengths))
         ends = {name: end.limit for name, end in self.saturated.items()}
+        one_sided = {name: end.side for name, end in self.saturated.items() if end.side}
         return SignalSizes(
-            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends, highs
+            spans,
+            tops,
+            lows,
+            sizes,
+            self.shown,
+            self.pushes,
+            self.joints,
+            length,
+            log.dt,
+            self.feeds,
+            ends,
+            one_sided,
+            highs,
         )
 
     def _unsure(self) -> list[str]:
