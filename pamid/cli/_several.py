@@ -131,14 +131,7 @@ def judged_after(
 ) -> tuple[Opinion, pd.DataFrame]:
     """Return the second opinion on the parameters of another tool that ``--after`` names, and the rows used."""
     from ..opinion import second_opinion
-    from ..simulators import Simulator
 
-    if not isinstance(simulator, Simulator) or simulator.states_equation:
-        raise ParameterError(
-            "--after is given, and --sim names no simulator with ports.",
-            "a MuJoCo model, an FMU, or a page of one's own",
-            "Leave the option out, or write such a page (docs/simulators.md).",
-        )
     if wanted(args):
         raise ParameterError(
             "--after is given with --conditions or --since.", "one log", "Leave one out: an opinion is about one log."

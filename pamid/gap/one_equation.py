@@ -19,12 +19,14 @@ from .inference.sensitivity import templates
 from .residuals.on_equation import OnEquation, Table
 from .residuals.ports import REPLICATES
 from .residuals.rates import with_rates
-from .residuals.single import SignalEvidence
+from .residuals.single import SignalEvidence, Stated
 from .residuals.units import Units
 
 if TYPE_CHECKING:
     import pandas as pd
 
+Again = Callable[[np.ndarray], Problem]
+"""Takes the numbers of a simulator, returns the equation that it states with them."""
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
 
 
@@ -49,15 +51,28 @@ def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: fl
 
 def evidence_on(
     problem: Problem, equation: OnEquation, simulator: Simulator | None = None, without: np.ndarray | None = None,
-    position: float | None = None, noise: np.ndarray | None = None,
+    position: float | None = None, noise: np.ndarray | None = None, again: Again | None = None, refit: bool = False,
 ) -> SignalEvidence:  # fmt: skip
-    """Return the evidence on an equation; a position counts as a strain of one, `noise` are draws of the residual's."""
+    """Return the evidence on an equation; a position counts as a strain of one, `noise` are draws of the residual's.
+
+    With `again` numbers that have a tolerance are free.
+    """
     columns, contraction = dict(problem.roles), is_contraction(problem.plant, problem.roles)
     if simulator is not None:  # rates that a log lacks are named after their signals
         rates = {"velocity": "position", "pressure_rate": "pressure"}
         columns = {rate: f"d{columns[of]}" for rate, of in rates.items() if of in columns} | columns
     names = [str(problem.groups[k]) for k in equation.starts]
-    found = SignalEvidence(equation, problem.y, names, columns, position, contraction, without, simulator, noise)
+
+    def under(numbers: np.ndarray) -> Stated:
+        assert again is not None
+        there, y = again(numbers), problem.y
+        unit = 1.0 if np.array_equal(y, there.y) else float(y @ y) / float(y @ there.y)
+        return Stated(equation_of(there, equation.sense, dt=equation.dt), there.y, there.fitted, unit)
+
+    found = SignalEvidence(
+        Stated(equation, problem.y, problem.fitted), names, columns, position, contraction, without, simulator, noise,
+        under if again is not None else None, refit,
+    )  # fmt: skip
     if not len(found.first):
         raise ShortTrajectoryError("No run is as long as one window.", "runs of 20 ms at least", "Record longer runs.")
     return found
@@ -66,18 +81,18 @@ def evidence_on(
 def facing(
     problem: Problem, sense: str | int = "auto", effects: str | Sequence[str] = "all",
     simulator: Simulator | None = None, interval: float = 1e-3, position: float | None = None,
-    noise: np.ndarray | None = None,
+    noise: np.ndarray | None = None, again: Again | None = None, refit: bool = False,
 ) -> SignalEvidence:  # fmt: skip
     """Return the evidence on one equation, under effects that act in the sense that explains more."""
     equation = equation_of(problem, 1 if sense == "auto" else int(sense), interval)
     without, notes = checked(problem, equation)
-    found = evidence_on(problem, equation, simulator, without, position, noise)
+    found = evidence_on(problem, equation, simulator, without, position, noise, again, refit)
     # The tension, or the flow, of a muscle that is known is what it delivers.
     if sense == "auto" and problem.plant is None:
         known = [t for name in found.library(effects) for t in templates(found, name)]
         if sense_of(found, known) < 0:
             equation = equation_of(problem, -1, interval)
-            found = evidence_on(problem, equation, simulator, without, position, noise)
+            found = evidence_on(problem, equation, simulator, without, position, noise, again, refit)
     found.notes += [*problem.notes, *notes]
     return found
 
@@ -150,12 +165,19 @@ def told_units(equation: str, contraction: bool, given: Mapping[str, str] | None
     return Units(**{**(si if contraction else unnamed), **(given or {})})
 
 
-def stated(log: pd.DataFrame, simulator: Simulator) -> SignalEvidence:
+def stated(log: pd.DataFrame, simulator: Simulator, refit: bool = False) -> SignalEvidence:
     """Return the evidence on the equation that a simulator states."""
-    problem = simulator.problem(log)
-    states = problem.fitted or simulator
-    found = facing(problem, simulator.sense, simulator=states, noise=noise_of(problem, states, log))
-    found.given, found.notes = simulator, [*simulator.doubts(log), *found.notes]
+
+    def again(numbers: np.ndarray) -> Problem:
+        changed = dict(zip(simulator.parameters, map(float, numbers), strict=True))
+        other = Simulator.with_(simulator, changed)  # on the way to a fit a number may be implausible
+        problem = other.problem(log)
+        return problem._replace(fitted=problem.fitted or other)
+
+    problem = again(simulator.numbers)
+    noise = noise_of(problem, problem.fitted, log)
+    found = facing(problem, simulator.sense, simulator=simulator, noise=noise, again=again, refit=refit)
+    found.notes = [*simulator.doubts(log), *found.notes]
     return found
 
 

@@ -49,7 +49,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
     from .residuals.shooting import ShootingEvidence
 
     if simulator.states_equation:
-        return stated(log, simulator)
+        return stated(log, simulator, refit)
     at_ports = port_log(log, simulator)
     if unsteady := tell_if_unsteady(simulator, at_ports):
         at_ports = replace(at_ports, notes=[*at_ports.notes, unsteady])
@@ -206,7 +206,8 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
     corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
-    corrected = corrected if found.added else evidence.fitted
+    if not found.added:
+        corrected = None if evidence.fitted is None else evidence.corrected({}, found.deviations)
     notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
     about = (source or evidence).about
     free = source.free if source is not None else evidence.free

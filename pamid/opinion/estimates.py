@@ -12,6 +12,7 @@ from ..errors import ImplausibleParameterError, SimulatorRunError
 from ..gap.simulated import evidence_of
 from ..simulators import FmuSimulator, MujocoSimulator, Simulator
 from ..simulators.ports import ModelParameter
+from .fits import numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +64,8 @@ class Estimates(NamedTuple):
 
 def freed(simulator: Simulator, values: Mapping[str, float], tolerance: float = WIDE) -> Simulator:
     """Return a simulator with other values, which a fit may then change; those that are zero stay."""
-    made = {k: ModelParameter(v, tolerance, _unit(simulator, k)) for k, v in values.items()}
+    known = numbers_of(simulator)
+    made = {k: ModelParameter(v, tolerance, known[k].unit if k in known else "-") for k, v in values.items()}
     missing = set(values) - set(simulator.parameters)
     if missing and isinstance(simulator, MujocoSimulator):
         return MujocoSimulator(simulator.path, simulator.ports, {**simulator.parameters, **made}, simulator.effects)
@@ -76,12 +78,11 @@ def freed(simulator: Simulator, values: Mapping[str, float], tolerance: float = 
     return out
 
 
-def _unit(simulator: Simulator, name: str) -> str:
-    return simulator.parameters[name].unit if name in simulator.parameters else "-"
+def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str], read: bool = True) -> Estimates:
+    """Estimate some numbers from a log, in one Gauss–Newton step beside the simulator's effects.
 
-
-def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Estimates:
-    """Estimate some numbers from a log, in one Gauss–Newton step beside the simulator's effects."""
+    With ``read`` their errors include how the log is read: by how much they change where its settings are halved.
+    """
     simulator = with_tolerance(simulator, [n for n in names if n in simulator.parameters], _NEAR)
     evidence = evidence_of(log, simulator)
     mine = [n for n in evidence.free if n in names]
@@ -102,8 +103,12 @@ def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> 
     values = np.array([simulator.get(n) for n in mine]) + scale * step[:k]
     C = cov[:k, :k] * spread
     alone = _solved(own, evidence.z0, w, prior[: own.shape[1]])[1][:k, :k] * spread
-    agreement, worst = _agreement(J, evidence.z0, w, prior, evidence.block, mine, step)
-    errors, fixed = (np.abs(scale) * np.sqrt(np.diag(c)) for c in (C, alone))
+    more = np.zeros(k)
+    for name in simulator.settings if read else ():
+        half = max(0.5 * simulator.get(name), simulator.plausible(name)[0])
+        more += np.square((estimates(log, simulator.with_({name: half}), names, False).values - values) / scale)
+    agreement, worst = _agreement(J, evidence.z0, w, prior, evidence.block, mine, step, more)
+    errors, fixed = (np.abs(scale) * np.sqrt(np.diag(c) + more) for c in (C, alone))
     return Estimates(tuple(mine), values, errors, fixed, _flat(_NEAR**2 * C, mine), agreement, worst)
 
 
@@ -122,7 +127,7 @@ def settled(log: pd.DataFrame, simulator: Simulator, names: Sequence[str]) -> Es
 def _solved(J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Return the step, the covariance for unit noise, and the residual variance."""
     A = J.T @ (w[:, None] * J) + np.diag(prior)
-    size = np.sqrt(np.maximum(np.diag(A), _ROUND))
+    size = np.sqrt(np.where(np.diag(A) > _ROUND, np.diag(A), 1.0))
     cov = np.linalg.pinv(A / np.outer(size, size) + _ROUND * np.eye(len(size)), hermitian=True) / np.outer(size, size)
     step = -cov @ (J.T @ (w * z))
     left = z + J @ step
@@ -132,11 +137,11 @@ def _solved(J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray) -> t
 def _effect_columns(log: pd.DataFrame, simulator: Simulator, evidence: PortEvidence) -> list[np.ndarray]:
     """Return the change of the residuals by a small relative change of each number of the simulator's effects."""
     found = []
-    for k, (name, where, values) in enumerate(simulator.effects):
+    for k, (*place, values) in enumerate(simulator.effects):
         for key, value in values.items():
             for step in (_STEP, -_STEP):  # a number at its bound has one way to go
                 changed = {**values, key: value * (1.0 + step) if value else step}
-                effects = [*simulator.effects[:k], (name, where, changed), *simulator.effects[k + 1 :]]
+                effects = [*simulator.effects[:k], (*place, changed), *simulator.effects[k + 1 :]]
                 try:
                     there = evidence_of(log, simulator.with_({}, effects)).value
                 except (ImplausibleParameterError, SimulatorRunError):
@@ -165,7 +170,7 @@ def _flat(C: np.ndarray, names: Sequence[str]) -> list[Open]:
 
 def _agreement(
     J: np.ndarray, z: np.ndarray, w: np.ndarray, prior: np.ndarray, block: np.ndarray, names: Sequence[str],
-    step: np.ndarray,
+    step: np.ndarray, more: np.ndarray,
 ) -> tuple[float, str]:  # fmt: skip
     """Return how likely runs differ as much by chance, and the number in which they differ most."""
     from scipy.stats import chi2
@@ -176,7 +181,7 @@ def _agreement(
         if mine.sum() < 4 * len(step):
             continue
         own, cov, spread = _solved(J[mine], z[mine], w[mine], prior + _ROUND)
-        error = np.sqrt(np.diag(cov)[: len(names)] * spread)
+        error = np.sqrt(np.diag(cov)[: len(names)] * spread + more)
         total += np.minimum(np.square((own - step)[: len(names)] / np.maximum(error, _ROUND)), 1e6)
         count += 1
     if count < 2 or not len(names):

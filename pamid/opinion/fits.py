@@ -13,6 +13,7 @@ from ..errors import MissingDependencyError, ParameterError, SimulatorFileError,
 from ..errors import SimulatorSyntaxError as Broken
 from ..simulators import MujocoSimulator, Simulator
 from ..simulators.ports import ModelParameter
+from ..systems import all_systems, read_system
 from ..toml_files import TomlErrors, read_small_text, read_toml
 
 if TYPE_CHECKING:
@@ -59,7 +60,7 @@ class FittedParameters:
     unmatched : tuple of str
         Names that match no number of the simulator.
     model : Path or None
-        The fitted model itself, where that is what the tool writes.
+        The fitted model or page itself, where that is what the tool writes.
     source : str
         The file's name.
 
@@ -115,15 +116,20 @@ class FittedParameters:
         return replace(self, numbers=found, unmatched=tuple(left))
 
     def _of_model(self, simulator: Simulator) -> FittedParameters:
-        if not isinstance(simulator, MujocoSimulator) or self.model is None:
+        assert self.model is not None
+        model = MujocoSimulator(self.model) if self.model.suffix.lower() == ".xml" else read_system(self.model)
+        if model.kind != simulator.kind:
             raise ParameterError(
-                f"{self.source} is a MuJoCo model, and the simulator is not.", "fitted values", "Give them as JSON."
+                f"{self.source} is of the kind {model.kind}, the simulator of the kind {simulator.kind}.",
+                "fitted values",
+                "Give them as JSON.",
             )
-        fitted, own = MujocoSimulator(self.model).own_numbers(), numbers_of(simulator)
+        own = numbers_of(simulator)
+        fitted = model.own_numbers() if isinstance(model, MujocoSimulator) else model.parameters
         changed = {k: FittedNumber(v.value) for k, v in fitted.items() if k in own and v.value != own[k].value}
         if not changed:
             raise ParameterError(
-                f"{self.source} has the same masses, gears, damping, friction and armature as the simulator.",
+                f"{self.source} has the same numbers as the simulator.",
                 "a model with fitted numbers",
                 "Name the model before the fit with --sim, and the fitted one with --after.",
             )
@@ -131,7 +137,19 @@ class FittedParameters:
 
 
 def numbers_of(simulator: Simulator) -> dict[str, ModelParameter]:
-    """Return the numbers that a simulator has, those of a MuJoCo model that are zero among them."""
+    """Return the numbers that a simulator has, those of a MuJoCo model that are zero among them.
+
+    Raises
+    ------
+    ParameterError
+        It is the simulator of a bench.
+    """
+    if not isinstance(simulator, Simulator):
+        raise ParameterError(
+            "The simulator is that of a bench.",
+            "a cylinder, joint or muscle, or a simulator with ports",
+            "Give its numbers tolerances ([tolerance]) and diagnose the log, which refits them.",
+        )
     found = {**simulator.own_numbers(), **simulator.parameters}
     if isinstance(simulator, MujocoSimulator):
         joints = [p.name for p in simulator.ports if p.kind == "joint"]
@@ -141,7 +159,7 @@ def numbers_of(simulator: Simulator) -> dict[str, ModelParameter]:
         for name in [n for n in found if n.startswith("actuator_kp.")]:
             damping = f"actuator_kv.{name.partition('.')[2]}"
             found.setdefault(damping, ModelParameter(simulator.number(damping)))
-    return found
+    return {name: p for name, p in found.items() if name not in simulator.settings}
 
 
 def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> FittedParameters:
@@ -151,8 +169,9 @@ def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> Fitte
     ----------
     source : path-like, mapping or FittedParameters
         JSON or YAML of names and values (BAM; PACE, with lists in the order of joints; FMPy's start values), the YAML
-        of MuJoCo's sysid with values and bounds, a fitted MJCF, a TOML file, or the values themselves. Nothing in it is
-        run: files that can carry code (``.pt``, ``.pkl``) are refused.
+        of MuJoCo's sysid with values and bounds, a fitted MJCF, a TOML file, the fitted page of a cylinder, joint or
+        muscle, or the values themselves. Nothing in it is run: files that can carry code (``.pt``, ``.pkl``) are
+        refused.
 
     Returns
     -------
@@ -191,6 +210,8 @@ def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> Fitte
         )
     if ending == ".toml":
         table: Any = read_toml(path, "fitted parameters", _ERRORS)
+        if table.get("kind") in all_systems():
+            return FittedParameters(model=path, source=path.name)
         table = table.get("parameters", table)
     else:
         table = _parsed(read_small_text(path, "fitted parameters", _ERRORS), path)

@@ -244,7 +244,7 @@ def second_opinion(
         k = place[name]
         # The result of the diagnosis, under its robust likelihood; the errors are those of the step from there.
         errors = float(est.errors[k]), float(est.alone[k])
-        judged.append(_judged(name, number, about.get(name), errors, z, found, known[name], unit))
+        judged.append(_judged(name, number, about, errors, z, found, known[name], unit))
     judged = [_between(j, [f.numbers[j.name].value for f in fits if j.name in f.numbers], found) for j in judged]
     open_names = {n for direction in est.flat for n, w in direction.weights.items() if abs(w) > 0.3}
     judged = [_opened(j) if j.name in open_names and j.status in ("holds", "off") else j for j in judged]
@@ -260,7 +260,7 @@ def _of_model(simulator: Simulator, fit: FittedParameters, stated: set[str]) -> 
     """Return the simulator that was fitted: where the tool wrote a model, that with the ports of this one."""
     from ..simulators import MujocoSimulator
 
-    if fit.model is None:
+    if fit.model is None or not isinstance(simulator, MujocoSimulator):
         return simulator
     kept = {n: simulator.parameters[n] for n in stated if n in simulator.parameters}
     return MujocoSimulator(fit.model, simulator.ports, kept, simulator.effects)
@@ -292,21 +292,21 @@ def _collapsed(number: FittedNumber, nominal: float) -> bool:
 def _judged(
     name: str,
     number: FittedNumber,
-    value: float,
+    about: Simulator,
     errors: tuple[float, float],
     z: float,
     found: Diagnosis,
     nominal: Any,
     unit: str,
 ) -> Judgement:
-    error, alone = errors
+    value, (error, alone) = about.get(name), errors
     ci = (value - 1.645 * error, value + 1.645 * error)
     moved = abs(value - number.value) > z * error + NEGLIGIBLE * abs(number.value)
     causes = ", ".join(c.effects[0] for c in found.added) or "a cause outside the library"
     why, status = f"{number.value:.4g} as fitted, {value:.4g} ± {1.645 * error:.2g} {unit} here", "holds"
     off = abs(number.value - nominal.value) / abs(nominal.value) if nominal.value else 0.0
     slack = z * alone / abs(nominal.value) if nominal.value else 0.0
-    if name.startswith(POSITIVE) and number.value < 0.0:
+    if number.value < 0.0 and (name.startswith(POSITIVE) or about.plausible(name)[0] >= 0.0):
         status, why = "absorbed", f"it is {number.value:.4g} {unit}, and cannot be negative"
     elif nominal.tolerance > 0.0 and off > nominal.tolerance + slack + NEGLIGIBLE:
         status = "absorbed"

@@ -12,9 +12,11 @@ import numpy as np
 
 from ..errors import ParameterError, SimulatorFileError, SimulatorNotFoundError, SimulatorSyntaxError
 from ..file_sets import replacing_together
+from ..names import refuse_others
 from ..simulators import Simulator
 from ..toml_files import TomlErrors, read_toml
 from .estimates import freed, settled
+from .fits import numbers_of
 from .judge import LEVEL, NEGLIGIBLE, Opinion
 
 if TYPE_CHECKING:
@@ -136,13 +138,14 @@ class Passport:
         Raises
         ------
         ParameterError
-            The passport names no number that a fit could move.
+            The passport names no number that a fit could move, or one that the simulator does not have.
         """
         from scipy.stats import norm
 
-        values = {n: e.value for n, e in self.numbers.items() if e.value != 0.0}
+        values, known = {n: e.value for n, e in self.numbers.items() if e.value != 0.0}, numbers_of(simulator)
         if not values:
             raise ParameterError("The passport holds no number but zeros.", "numbers", "Fit some first.")
+        refuse_others(values, known, "The passport has", remedy="Name the simulator of the passport.")
         found = settled(log, freed(simulator, values), list(values))
         z = float(norm.isf(LEVEL / (2.0 * max(len(found.names), 1))))
         open_ = {n for d in found.flat for n, w in d.weights.items() if abs(w) > 0.3}

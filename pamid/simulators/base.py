@@ -79,6 +79,8 @@ class Simulator:
     """Of `pamid.effects.base.KINDS` the one whose effects "all" are; empty for those that can act at ports."""
     sense: str | int = 1
     """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
+    settings: ClassVar[tuple[str, ...]] = ()
+    """Numbers that say how a log is read: a fit cannot tell them."""
     own_step: float = 0.0
     """Step by which it is integrated wherever it is used, s; 0 where nothing says one."""
     between: tuple[Between, ...] = ()
@@ -108,6 +110,10 @@ class Simulator:
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Return the range of the ports that have one, in their units."""
         return {}
+
+    def plausible(self, name: str) -> tuple[float, float]:
+        """Return the plausible range of a number."""
+        return -np.inf, np.inf
 
     def driven(self) -> dict[str, str]:
         """Return the joint that an input drives, by input, where the simulator knows it."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -159,6 +161,8 @@ class System(Simulator, ABC):
     ----------
     effects : sequence of (str, dict), default=()
         Effects that the nominal equation gets: names, with all their parameters in the units of the system.
+    tolerance : mapping of str to float, optional
+        How well numbers are known, relative: what a change within it explains is not a gap.
     **values : float or str
         Numbers by name, see `quantities`; those with a default may be left out.
 
@@ -203,7 +207,9 @@ class System(Simulator, ABC):
     estimator: ClassVar[str] = "GeometricForce"
     """Name of the estimator that fits its parameters."""
 
-    def __init__(self, *, effects: Sequence[EffectLike] = (), **values: Any) -> None:
+    def __init__(
+        self, *, effects: Sequence[EffectLike] = (), tolerance: Mapping[str, float] | None = None, **values: Any
+    ) -> None:
         entries: list[Quantity | Choice] = [*self.quantities, *self.choices]
         known = [q.name for q in entries]
         refuse_others(values, known, f"[{self.kind}] has", f"only {', '.join(known) or 'nothing'}", REMOVE, spelt=repr)
@@ -213,17 +219,17 @@ class System(Simulator, ABC):
                 ", ".join(f"{q.name} ({q.meaning}, {q.unit})" for q in self.quantities if q.name in lacking),
                 "Add what is missing.",
             )
-        self.values: dict[str, float | str] = {
-            q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries
-        }
+        self._given = {q.name: q.checked(values.get(q.name, q.default), self.kind) for q in entries}
         super().__init__(
             [Port(s.name, "output" if s.name in self.targets else "input", s.unit.split(",")[0]) for s in self.signals]
         )
+        sure = tolerance or {}
         self.parameters = {
-            q.name: ModelParameter(v, unit=q.unit)
+            q.name: ModelParameter(v, sure.get(q.name, 0.0), q.unit)
             for q in self.quantities
-            if not isinstance(v := self.values[q.name], str)
+            if not isinstance(v := self._given[q.name], str)
         }
+        refuse_others(sure, self.parameters, "[tolerance] has", "given numbers", REMOVE, spelt=repr)
         self.effects = tuple(EffectSpec.of(entry, in_units=True) for entry in effects)
 
     @classmethod
@@ -231,13 +237,26 @@ class System(Simulator, ABC):
         """Return the numbers that only the owner of a system knows, where its log has some signals."""
         return [q.name for q in cls.quantities if q.default is None]
 
+    @property
+    def values(self) -> dict[str, float | str]:
+        """Numbers in SI and words, as given or as a fit has changed them."""
+        return self._given | {name: p.value for name, p in self.parameters.items()}
+
+    def own_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers of the page, zero where they are fitted to the log."""
+        return {q.name: ModelParameter(0.0, unit=q.unit) for q in self.quantities} | self.parameters
+
+    def plausible(self, name: str) -> tuple[float, float]:
+        """Return the plausible range of a number."""
+        return next((q.lower, q.upper) for q in self.quantities if q.name == name)
+
     def identity(self) -> dict[str, Any]:
         """Return the identity of the system: kind, numbers and effects, as plain data."""
         return {
             "name": self.kind,
             "kind": self.kind,
-            "numbers": dict(self.values),
-            "tolerance": {},
+            "numbers": self.values,
+            "tolerance": self.tolerance,
             "effects": [[spec.name, dict(spec.values)] for spec in self.effects],
         }
 
@@ -247,13 +266,24 @@ class System(Simulator, ABC):
 
     def with_(
         self,
-        parameters: Mapping[str, float] | None = None,
+        parameters: Mapping[str, Any] | None = None,
         effects: Sequence[Any] | None = None,
         between: Sequence[Any] | None = None,
     ) -> System:
-        """Return the system with other numbers, or other effects."""
-        given: dict[str, Any] = {**self.values, **(parameters or {})}
-        return type(self)(**given, effects=self.effects if effects is None else effects)
+        """Return the system with other numbers and words, or other effects."""
+        entries: dict[str, Quantity | Choice] = {q.name: q for q in (*self.quantities, *self.choices)}
+        refuse_others(parameters or {}, entries, f"[{self.kind}] has no", remedy="Correct it.")
+        given = {name: entries[name].checked(value, self.kind) for name, value in (parameters or {}).items()}
+        out, own = copy(self), self.own_numbers()
+        out._given = self._given | given
+        out.parameters = self.parameters | {
+            name: replace(own[name], value=value)
+            for name, value in given.items()
+            if name in own and not isinstance(value, str)
+        }
+        if effects is not None:
+            out.effects = tuple(EffectSpec.of(entry, in_units=True) for entry in effects)
+        return out
 
     def require(self, log: pd.DataFrame) -> None:
         """Raise if a log lacks a signal that the system needs.
@@ -295,6 +325,8 @@ class System(Simulator, ABC):
         from ..gap.residuals.units import Units
 
         units, text = Units(**self.units), self.text(self.values)
+        if self.tolerance:
+            text += "\n".join(["", "[tolerance]", *(f"{name} = {x:g}" for name, x in self.tolerance.items()), ""])
         for spec in self.effects:
             text += "\n".join(["", *spec.lines(units.of), ""])
         write_whole(Path(path), text)

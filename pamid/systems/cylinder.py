@@ -65,9 +65,8 @@ class Cylinder(System):
 
     def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the cylinder with further effects, and the meaning of F for them."""
-        found = super().corrected(effects, sense, unit)
-        found.values["force"] = next(word for word, way in _SENSES.items() if way == sense)
-        return found
+        word = next(word for word, way in _SENSES.items() if way == sense)
+        return super().corrected(effects, sense, unit).with_({"force": word})
 
     @property
     def area(self) -> float:

@@ -67,13 +67,15 @@ def read_system(path: str | Path) -> System:
         raise UnknownOptionError(
             f"{path} is of the kind {kind!r}.", f"one of bench, {', '.join(known)}", "Correct kind in the file."
         )
-    named = ("kind", kind, "effects")
-    refuse_others(raw, named, f"{path} has", f"kind, [{kind}] and [[effects]]", REMOVE, spelt=repr)
-    table = raw.get(kind, {})
-    if not isinstance(table, dict):
-        raise SimulatorSyntaxError(f"{path}: {kind} is {table!r}.", "a table", f"Write [{kind}].")
+    named = ("kind", kind, "effects", "tolerance")
+    refuse_others(raw, named, f"{path} has", f"kind, [{kind}], [tolerance] and [[effects]]", REMOVE, spelt=repr)
+    for name in (kind, "tolerance"):
+        if not isinstance(table := raw.get(name, {}), dict):
+            raise SimulatorSyntaxError(f"{path}: {name} is {table!r}.", "a table", f"Write [{name}].")
     try:
-        return known[kind](**table, effects=specs_of(raw.get("effects", [])))
+        return known[kind](
+            **raw.get(kind, {}), effects=specs_of(raw.get("effects", [])), tolerance=raw.get("tolerance", {})
+        )
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
 

@@ -58,6 +58,7 @@ class Joint(System):
         Quantity("smoothing", "s", 1e-3, 10.0, "window over which rates of the angle are taken", 0.1),
     )
     choices = (Choice("unit", ("unknown", "N m", "V", "A"), "unit of the logged drive", "unknown"),)
+    settings = ("smoothing",)
     sense = -1
     library = "motor"
     estimator = "JointDrive"
@@ -94,9 +95,7 @@ class Joint(System):
     def corrected(self, effects: Sequence[EffectLike], sense: int, unit: str) -> System:
         """Return the joint with further effects, and the unit of its drive where the log has told it."""
         found = super().corrected(effects, sense, unit)
-        if unit in self.choices[0].options:
-            found.values["unit"] = unit
-        return found
+        return found.with_({"unit": unit}) if unit in self.choices[0].options else found
 
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
         """Return the equation of the drive on a log; see `System.nominal_problem`."""
@@ -146,17 +145,18 @@ class Joint(System):
                 "what drives the joint, or the reference angle of its controller",
                 "Map one of them.",
             )
-        gain = log["gain"].to_numpy(dtype=float) if "gain" in log.columns else self.number("gain")
+        logged = log["gain"].to_numpy(dtype=float) if "gain" in log.columns else None
+        gain = self.number("gain") if logged is None else logged
         if not np.any(gain):
             raise MissingParameterError(
                 "[joint] has no gain, and neither the log nor the mapping has drive or gain.",
                 "the drive for 1 rad of control error, from the manual of the servo",
                 'Set gain in the file (duty of a servo: kp · steps per turn / 2π / full scale), or map "gain".',
             )
-        wanted = gain * (log["q_ref"] - log["q"]).to_numpy(dtype=float)
-        limit = self.number("limit")
-        if limit:
-            on &= np.abs(wanted) < _FULL * limit
+        error = (log["q_ref"] - log["q"]).to_numpy(dtype=float)
+        wanted, limit = gain * error, float(self._given["limit"])
+        if limit:  # what a fit makes of gain and limit changes no rows
+            on &= np.abs(error * (float(self._given["gain"]) if logged is None else logged)) < _FULL * limit
         if "voltage" in log.columns:
             wanted = wanted * log["voltage"].to_numpy(dtype=float)
         return wanted, on, self.unit_of(log.columns), []

@@ -24,7 +24,7 @@ WORKS = ("check", "evaluate", "resid", "compare", "fit", "present", "export", "d
 SAYS = {
     "adapt": (("cylinder", "joint"), "fit CylinderForce|fit JointDrive"),
     "simulate": (("muscle", "cylinder", "joint"), "a simulator file of the bench"),
-    "passport": (("muscle", "cylinder", "joint"), "not a simulator with ports"),
+    "passport": (("bench",), "that of a bench"),
 }
 """Commands for some kinds alone: those that they are not for, and the words in which they say so."""
 WITHOUT = ("completion", "demo", "watch")

@@ -6,7 +6,6 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ...errors import ParameterError
 from ...file_sets import check_folder
 from .._progress import progress
 from .._simulators import add_trust_option
@@ -41,17 +40,10 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...opinion import Passport
-    from ...simulators import Simulator
 
     folder = check_folder(args.out, ("passport.toml", "passport.html")) if args.out else None
     known = Passport.read(args.passport)
     simulator = any_simulator_of(args)
-    if not isinstance(simulator, Simulator) or simulator.states_equation:
-        raise ParameterError(
-            f"{args.sim} is not a simulator with ports.",
-            "a MuJoCo model, an FMU or a page",
-            "Name that of the passport.",
-        )
     log = load_log(args, simulator=simulator)
     with progress(args, "Checking") as step:
         step("fit the passport's numbers to the log")

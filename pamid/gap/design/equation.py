@@ -11,9 +11,8 @@ import numpy as np
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
-from ..residuals.on_equation import OnEquation
 from ..residuals.rates import with_rates
-from ..residuals.single import SignalEvidence
+from ..residuals.single import SignalEvidence, Stated
 from .port_family import PortInputs, PortLimits, within_limits
 from .search import planned
 
@@ -29,10 +28,17 @@ class EquationRig(PortInputs):
     """The equation on the logs."""
     limits: PortLimits
     """What the signals that a run moves allow."""
-    equation: OnEquation
-    """The equation of the rig that is driven, which may have been changed."""
+    numbers: Mapping[str, float] = field(default_factory=dict)
+    """Numbers that have been changed on the rig that is driven."""
     noise: Mapping[str, float] = field(default_factory=dict)
     """Noise of the equation over that of the readings."""
+
+    def _stated(self, numbers: np.ndarray, table: Mapping[str, np.ndarray], starts: np.ndarray) -> Stated:
+        """Return the equation on other rows, with other numbers but those that have been changed; nothing measured."""
+        last = self.logs[-1]
+        there = dict(zip(last.given.parameters, numbers, strict=False)) | self.numbers
+        found = last.stated(np.array(list(there.values()), dtype=float))
+        return found._replace(equation=found.equation.on(table, starts), y=np.zeros(0))
 
     def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
         """Return runs simulated with an explanation, with their indices."""
@@ -50,7 +56,9 @@ class EquationRig(PortInputs):
         for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
             if rate in made and of in moved:
                 made[rate] = with_rates({of: made[of]}, codes, last.log.dt)[rate]
-        y = self.equation.on(made, len(t) * np.arange(len(runs))).modelled(last.active(truth.spec))
+        numbers = last.numbers(dict(zip(last.free, map(float, truth.x), strict=True)))
+        there = self._stated(numbers, made, len(t) * np.arange(len(runs)))
+        y = there.unit * there.equation.modelled(last.active(truth.spec))
         y = y + float(np.median(last.noise)) * np.sqrt(last.n) * rng.standard_normal(len(y))
         return pd.DataFrame({"trajectory": codes.astype(str), **made, "y": y}), list(range(len(runs)))
 
@@ -58,14 +66,22 @@ class EquationRig(PortInputs):
         """Return the evidence of a log, made like that of the logs."""
         last, runs = self.logs[-1], table["trajectory"].to_numpy()
         starts = np.flatnonzero(np.append(True, runs[1:] != runs[:-1]))
-        equation = self.equation.on({role: table[role].to_numpy() for role in last.equation.table}, starts)
+        rows = {role: table[role].to_numpy() for role in last.equation.table}
+
+        def under(numbers: np.ndarray) -> Stated:
+            found = self._stated(numbers, rows, starts)
+            return found._replace(y=table["y"].to_numpy() / found.unit)
+
         found = SignalEvidence(
-            equation, table["y"].to_numpy(), runs[starts].tolist(), last.columns, last.position, last.contraction
-        )
+            under(last.given.numbers), runs[starts].tolist(), last.columns, last.position, last.contraction,
+            simulator=last.given, under=under,
+        )  # fmt: skip
+        found.begin_as(last)
         found.measure_as(last.sizes)
         wanted = float(np.median(last.noise)) * np.sqrt(last.n / found.n)
-        times = self.noise.get(equation.kind, 1.0)
-        found.widen({equation.kind: times * wanted / float(np.median(found.noise))})
+        kind = last.equation.kind
+        times = self.noise.get(kind, 1.0)
+        found.widen({kind: times * wanted / float(np.median(found.noise))})
         found.weights, found.stretch = last.weights, last.stretch
         return found
 
@@ -81,7 +97,7 @@ def next_for_equation(
     limits = PortLimits.of([(log, evidence.driven())], seconds=seconds, kinds=("sine",))
     if not limits.ranges:
         return None
-    rig = EquationRig([evidence], within_limits(limits, {}, {}, {}, [], []), evidence.equation)
+    rig = EquationRig([evidence], within_limits(limits, {}, {}, {}, [], []))
     plan = planned(rig, list(rivals)[:2], designs, "discriminate", [], seed, lambda _: None)
     if not plan.runs:
         return None

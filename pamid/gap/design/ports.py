@@ -16,7 +16,7 @@ from ...simulators.play_runs import played
 from ...simulators.sizes import SignalSizes
 from ..diagnosis.rivals import Rival
 from ..inference.gauss_newton import Fit
-from ..one_equation import equation_of, fitted_together
+from ..one_equation import fitted_together
 from ..residuals.ports import PortEvidence
 from ..residuals.shooting import ShootingEvidence
 from ..residuals.single import SignalEvidence
@@ -195,10 +195,7 @@ def plan_port_run(
             numbers = {n: v for n, v in change.items() if n not in held}
             rig: Rig = PortRig(simulator, each, within, numbers, noise)
             if isinstance(last, SignalEvidence):
-                equation = last.equation
-                if numbers:
-                    equation = equation_of(states.with_(numbers).problem(list(logs.values())[-1]), equation.sense)
-                rig = EquationRig([e for e in each if isinstance(e, SignalEvidence)], within, equation, noise)
+                rig = EquationRig([e for e in each if isinstance(e, SignalEvidence)], within, numbers, noise)
             return planned(rig, known, looked, purpose, wanted, seed, say)
 
         rows = round(allowed.seconds / allowed.runs / last.log.dt)

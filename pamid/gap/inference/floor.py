@@ -83,17 +83,13 @@ def sense_of(evidence: PortEvidence, found: Sequence[Template]) -> int:
     """Return 1 where effects subtract from the target, −1 where the target is the driving force and they add to it."""
     found = [t for t in found if np.all(t.lower >= 0.0)]
     found = [t for t in found if not {"measure", "adjust"} & set(evidence.effects[t.effect].hooks())]
-    best = {}
+    J, best, every = evidence.J * evidence.noise[:, None], {}, np.ones(len(evidence.value), bool)
+    value, *columns = (x - J @ (np.linalg.pinv(J) @ x)  # beside what free numbers explain
+                       for x in (evidence.value, *(t.columns * evidence.noise[:, None] for t in found)))  # fmt: skip
     for sense in (1, -1):
-        gains = [
-            _explained(
-                sense * evidence.value, t.columns * evidence.noise[:, None], t, np.ones(len(evidence.value), bool)
-            )
-            for t in found
-        ]
+        gains = [_explained(sense * value, c, t, every) for c, t in zip(columns, found, strict=True)]
         best[sense] = max(
-            (1.0 - np.mean(np.square(sense * evidence.value - g)) / np.mean(np.square(evidence.value)) for g in gains),
-            default=0.0,
+            (1.0 - np.mean(np.square(sense * value - g)) / np.mean(np.square(value)) for g in gains), default=0.0
         )
     return -1 if best[-1] > best[1] + _CLEARLY else 1
 

@@ -63,6 +63,13 @@ class OnEquation:
         nominal = self.nominal if self.usual is None else self.usual(len(next(iter(table.values()))))
         return OnEquation(table, nominal, self.dt, starts, self.kind, self.plant, self.units, self.sense, self.usual)
 
+    def join(self, other: OnEquation) -> None:
+        """Let effects act in the sense of another equation on the log, and share what depends on its signals alone."""
+        self.sense, known = other.sense, other.table
+        apart = self._remembered is not other._remembered
+        if apart and all(np.array_equal(x, known[k]) for k, x in self.table.items()):
+            self._remembered, self._path = other._remembered, other._path
+
     @property
     def window(self) -> int:
         """Samples in a window."""

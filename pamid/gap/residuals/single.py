@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ...effects.registry import chosen_effects
 from ...equations.noise import channel_noise
 from ...errors import LackingNumberError
+from ...remembered import Remembered
 from ...signals.noise import white_noise
 from ...signals.roles import ROLES, STATE_ROLES
 from ...simulators.base import Simulator
@@ -34,6 +35,7 @@ _NOISE = (
 )
 _MOVED = "position", "pressure", "command"
 _DRIVING = *_MOVED, "flow"
+_MOST_OTHERS = 64
 
 
 class Roles(Simulator):
@@ -46,11 +48,25 @@ class Roles(Simulator):
         return self
 
 
+class Stated(NamedTuple):
+    """An equation on a log."""
+
+    equation: OnEquation
+    """Its modelled side."""
+    y: np.ndarray
+    """What was measured."""
+    fitted: Simulator | None = None
+    """The simulator that states it, with what it fits to the log itself."""
+    unit: float = 1.0
+    """What a unit of y is in the unit of y as given: of a servo, what it is driven by follows from its gain."""
+
+
 class SignalEvidence(PortEvidence):
     """Residuals of one equation under effects that its model leaves out.
 
     `names` are those of the runs, `columns` the user's names of the roles; windows with a row of `without` are left
-    out. `position` is what counts as a strain of one; a contraction ratio is that of a muscle.
+    out. `position` is what counts as a strain of one; a contraction ratio is that of a muscle. `simulator` states the
+    equation as `stated`; `under` returns it with other numbers.
     """
 
     bends = False
@@ -59,17 +75,21 @@ class SignalEvidence(PortEvidence):
     """Gain in log-likelihood that needs no draws to be believed: none, where the noise is only guessed."""
 
     def __init__(
-        self, equation: OnEquation, y: np.ndarray, names: Sequence[str],
+        self, stated: Stated, names: Sequence[str],
         columns: Mapping[str, str] = MappingProxyType({}), position: float | None = None, contraction: bool = False,
         without: np.ndarray | None = None, simulator: Simulator | None = None, noise: np.ndarray | None = None,
+        under: Callable[[np.ndarray], Stated] | None = None, refit: bool = False,
     ) -> None:  # fmt: skip
+        equation, y, fitted, _ = stated
         starts, at = equation.starts, np.arange(len(y))
         since = (at - starts[np.searchsorted(starts, at, side="right") - 1]) * equation.dt
         channels = {role: x for role, x in equation.table.items() if role != "time"} | {equation.kind: y}
         log = PortLog(channels, since, starts, equation.dt, list(names))
-        super().__init__(log, Roles([Port(role, "input") for role in _DRIVING if role in channels]))
-        self.given, self.fitted = simulator or self.simulator, simulator
+        numbers = simulator.parameters if simulator is not None and under is not None else {}
+        super().__init__(log, Roles([Port(role, "input") for role in _DRIVING if role in channels], numbers), refit)
+        self.given, self.fitted = simulator or self.simulator, fitted
         self.equation, self.y, self.columns = equation, y, columns
+        self._under, self._others = under, Remembered[Stated](_MOST_OTHERS)
         self.contraction = contraction
         self.without = np.zeros(log.n, dtype=bool) if without is None else without
         self._position = position
@@ -91,17 +111,34 @@ class SignalEvidence(PortEvidence):
     def _residual(
         self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        return self._mean(self.y - self.equation.modelled(active))
+        there = self.stated(numbers)
+        return there.unit * self._mean(there.y - there.equation.modelled(active))
+
+    def stated(self, numbers: np.ndarray) -> Stated:
+        """Return the equation with other numbers, under effects in the same sense."""
+        under = self._under
+        if under is None or np.array_equal(numbers, self.given.numbers):
+            return Stated(self.equation, self.y, self.fitted)
+        found = self._others.get(numbers.tobytes(), lambda: under(numbers))
+        found.equation.join(self.equation)
+        return found
 
     def _with_lines(self) -> np.ndarray:
         return np.zeros(len(self.z0))
 
     def _again(self) -> None:
-        """Nothing is cached of other parameters: there are none."""
+        """What is cached of other parameters stays right."""
 
-    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
-        """Return the parameters: none is free."""
-        return self.simulator.numbers
+    @property
+    def ends(self) -> tuple[np.ndarray, np.ndarray]:
+        """The lowest and highest deviations of the free parameters, within the plausible range of those in it."""
+        found = np.array(super().ends)
+        for k, name in enumerate(self.free):
+            p, (low, high) = self.given.parameters[name], self.given.plausible(name)
+            if low <= p.value <= high:
+                room = sorted((end - p.value) / (p.value * p.tolerance) - self.about[k] for end in (low, high))
+                found[:, k] = np.clip(found[:, k], *room)
+        return found[0], found[1]
 
     def spoken(self, role: str) -> str:
         """Return the user's name of a role."""
@@ -118,16 +155,12 @@ class SignalEvidence(PortEvidence):
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
         """Return the simulator that states the equation with its own effects and others."""
         causes = [(name, self.placements[name].outward(values)) for name, values in spec.items()]
-        states = self.fitted or self.simulator
+        states = self.stated(self.numbers(deviations)).fitted or self.simulator
         return states.corrected(causes, self.equation.sense, self.equation.units.target) if causes else states
 
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)
-
-    def deviated(self, deviations: Mapping[str, float]) -> Simulator:
-        """Return the simulator as given."""
-        return self.given
 
     def heard(self, share: float) -> list[str]:
         """Return the sentence on residuals of which a flexible learner predicts a share."""
@@ -145,8 +178,9 @@ class SignalEvidence(PortEvidence):
         return {self.spoken(role): table[role] for role in may_move if role in self.columns and role in table}
 
     def begin_as(self, other: Beside) -> None:
-        """Set the sense of effects to that of another log."""
+        """Set the sense of effects, and the parameters at which it begins, to those of another log."""
         self.equation.sense = other.equation.sense if isinstance(other, SignalEvidence) else 1
+        super().begin_as(other)
 
     # --- where effects act ------------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
