@@ -49,6 +49,17 @@ def formula(thing: object) -> str:
 
 
 # --- the simulator ------------------------------------------------------------------------------------------
+_SYMBOLS = {
+    "rest_length": "L₀", "rest_diameter": "D₀", "braid_angle": "θ₀", "initial_contraction": "ε₀",
+    "heat_capacity_ratio": "γ", "gas_constant": "R", "temperature": "T", "atmospheric_pressure": "P_atm",
+    "supply_pressure": "P_s", "sonic_conductance": "C", "critical_pressure_ratio": "b_c", "reference_density": "ρ₀",
+    "pulley_radius": "r", "inertia": "J", "viscous_damping": "b_q",
+}  # fmt: skip
+"""The symbol of each number of a simulator file in the equations of the pages."""
+_CONVERTS = re.compile(r"[a-z ]*\d+ (?:mm|%|°C|kg cm²) ")
+"""Hints that only convert to a number's unit, which has a column of its own."""
+
+
 def simulator_file() -> str:
     """Every number of a simulator file."""
     from pamid.bench.parameters import TABLES
@@ -58,12 +69,14 @@ def simulator_file() -> str:
         for f in dataclasses.fields(cls):
             m = f.metadata
             if "unit" not in m:
-                body.append([f"`{table}.{f.name}`", "text", "", "what the muscle is called"])
+                body.append([f"`{table}.{f.name}`", "", "text", "", ""])
                 continue
             hint = re.sub(r"^[\w ]+ (?:is|are) [\w, ²/]+: ", "", m["hint"])  # the unit has a column of its own
-            note = "; ".join(part for part in (m["comment"], hint) if part)
-            body.append([f"`{table}.{f.name}`", m["unit"], f"{m['lower']:g} … {m['upper']:g}", note])
-    return rows(["number", "unit", "accepted", "notes"], body)
+            told = [m["comment"], "" if _CONVERTS.match(hint) or hint.endswith(f" in {m['unit']}.") else hint]
+            note, upper = "; ".join(part for part in told if part), float(f"{m['upper']:.3g}")
+            span = f"{m['lower']:g} … {upper:g}"
+            body.append([f"`{table}.{f.name}`", _SYMBOLS[f.name], m["unit"], span, note])
+    return rows(["key", "symbol", "unit", "accepted", "notes"], body)
 
 
 def data_sets() -> str:
@@ -72,7 +85,7 @@ def data_sets() -> str:
 
     body = []
     sets = [(name, muscle, trajectories()) for name, (muscle, trajectories) in datasets._SETS.items()]
-    sets += [(name, "A, B, C", trajectories("B")) for name, trajectories in datasets._PAPER_LIKE.items()]
+    sets += [(name, "B (or A, C)", trajectories("B")) for name, trajectories in datasets._PAPER_LIKE.items()]
     for name, muscle, runs in sets:
         kind = re.split(r"[-_]", runs[0].name)[0]
         samples = sum(len(run.q_ref) - run.lead for run in runs)
@@ -91,7 +104,8 @@ def effects() -> str:
         if cls.family != family:
             family = cls.family
             lines += ["", f"**{family.capitalize()}**", ""]
-        numbers = ", ".join(f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in cls.parameters)
+        shown = [p for p in cls.parameters if not p.before]  # the others are for logs alone
+        numbers = ", ".join(f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in shown)
         file = f"../pamid/effects/{cls.__module__.rpartition('.')[2]}.py"
         lines.append(f"- [`{name}`]({file}) ({', '.join(cls.equations)}): {summary(cls)} {numbers}")
     return "\n".join([*lines[1:], ""])
@@ -104,9 +118,9 @@ def volumes() -> str:
 
     body = []
     for name, cls in all_volumes().items():
-        numbers = ", ".join(f"`{p.name}`{f' ({p.unit})' if p.unit != '-' else ''}" for p in cls.parameters)
-        body.append([f"`{name}`", summary(cls), formula(cls), numbers or "coefficients, linear in V"])
-    return rows(["name", "what it is", "formula", "parameters"], body)
+        numbers = ", ".join(f"`{p.name}`" for p in cls.parameters)
+        body.append([f"`{name}`", formula(cls), numbers or "coefficients (V is linear in them)"])
+    return rows(["name", "formula", "parameters"], body)
 
 
 # --- logs ---------------------------------------------------------------------------------------------------

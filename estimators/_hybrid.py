@@ -31,7 +31,8 @@ class HybridParameters(SignalEstimator):
         Rest diameter D₀, m.
     volume_model : {"anchored", "neural"}
         ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
-        (`pamid.volume.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far better.
+        (`pamid.volume.contact.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far
+        better.
     hidden_layer_sizes : tuple of int
         Widths of the hidden layers.
     activation : {"softplus", "tanh", "silu"}

@@ -12,7 +12,7 @@ from .values import Parameter
 
 
 class ActuatorBacklash(LostMotion):
-    r"""Lost motion in a gear or linkage of the actuator: after a reversal it does not move until the play is used up.
+    r"""Lost motion in a gear or linkage of the actuator.
 
     .. math:: u' = \mathrm{play}_w(u)
 

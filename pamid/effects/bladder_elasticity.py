@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class BladderElasticity(Effect):
-    r"""Bladder that widens as the muscle contracts, which lowers the tension; a function of the contraction alone.
+    r"""Bladder that widens as the muscle contracts, which lowers the tension.
 
     .. math:: \Delta F = -k_1\,\varepsilon - k_3\,\varepsilon^3
 

@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class BraidGeometry(Effect):
-    r"""Braid whose diameter and angle differ from the model's, which changes both areas of the geometric force.
+    r"""Braid whose diameter and angle differ from the model's, and hence the areas by which it pulls and pushes.
 
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)

@@ -13,7 +13,7 @@ from .values import Parameter
 
 
 class ConstantArea(Effect):
-    r"""Tension with a constant area at all contractions, above a threshold pressure.
+    r"""Constant area times the pressure above a threshold, instead of the geometric force.
 
     .. math:: \Delta F = A\,p_e - \frac{p}{L_0}\,\frac{\partial V}{\partial\varepsilon}, \qquad
         p_e = \tfrac{1}{2}\left(d + \sqrt{d^2 + w^2}\right), \qquad

@@ -14,7 +14,7 @@ from .values import Parameter
 
 
 class Creep(Effect):
-    r"""Two relaxing springs parallel to the muscle; between their time constants they drift about as log t.
+    r"""Two relaxing springs parallel to the muscle; between their time constants, the force drifts nearly as log t.
 
     .. math:: \Delta F = -\sum_i k_i\,(\varepsilon - x_i), \qquad \tau_i\,\dot x_i = \varepsilon - x_i
 

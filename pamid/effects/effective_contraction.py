@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class EffectiveContraction(EndCap):
-    r"""Contraction k ε of the active part, where ε is that of the whole muscle.
+    r"""Single muscle whose active part contracts k times as much as the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)

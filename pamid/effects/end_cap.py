@@ -11,14 +11,15 @@ from .values import Parameter
 
 
 class EndCap(Effect):
-    r"""Active part that contracts k times as much as the whole: more with conical ends, less with compliant ends.
+    r"""Muscles of a bench whose active parts contract k times as much as the whole: conical or compliant ends.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
         \Delta V = s \left(\frac{V(k\varepsilon) - V(0)}{k} - V(\varepsilon) + V(0)\right)
 
-    Force and volume follow from one another by virtual work: s = 1 for ends of the assumed shape. Ends of another shape
-    change it by a part; a force without a volume (s = 0) would do work that no gas provides.
+    Conical ends make k larger than 1, compliant ones smaller. Force and volume follow from one another by virtual work:
+    s = 1 for ends of the assumed shape. Ends of another shape change it by a part; a force without a volume (s = 0)
+    would do work that no gas provides.
 
     Parameters
     ----------

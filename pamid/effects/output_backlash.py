@@ -1,4 +1,4 @@
-"""LostMotion between the driven part and the reading."""
+"""Lost motion between the driven part and the reading."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .values import Parameter
 
 
 class OutputBacklash(LostMotion):
-    r"""Lost motion behind a drive: after a reversal the reading does not move until the play is used up.
+    r"""Lost motion behind a drive: after a reversal its output stays constant until the play is used up.
 
     .. math:: y' = \mathrm{play}_w(y)
 

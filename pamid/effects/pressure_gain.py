@@ -8,7 +8,7 @@ from .values import Parameter
 
 
 class PressureGain(OfPressure, Gain):
-    r"""A pressure sensor with a wrong sensitivity, its zero at ambient pressure unless stated otherwise.
+    r"""A pressure sensor with a wrong sensitivity.
 
     .. math:: P' = P + \delta\,(P - P_0)
 

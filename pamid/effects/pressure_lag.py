@@ -7,7 +7,7 @@ from .values import Parameter
 
 
 class PressureLag(OfPressure, Lag):
-    r"""A pressure sensor that lags, for instance behind a tube.
+    r"""A pressure sensor that lags.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = P - x, \qquad
         \tau_2\,\frac{\mathrm{d}P'}{\mathrm{d}t} = x - P', \qquad

@@ -14,7 +14,7 @@ from .values import Parameter
 
 
 class Resonance(Effect):
-    r"""A load, a rotor or a frame on a spring and a damper, which oscillates at its own frequency.
+    r"""A load, a rotor or a frame on a spring and a damper.
 
     .. math:: \Delta F = -m\,\ddot y, \qquad
         \ddot y = \omega^2\,(x - y) + 2\,\zeta\,\omega\,(\dot x - \dot y)

@@ -14,9 +14,11 @@ from .values import Parameter
 
 
 class SlewRate(Effect):
-    r"""Largest speed at which a drive, a valve or an amplifier follows its command, updated once per control period.
+    r"""Largest speed at which a drive, a valve or an amplifier follows its command.
 
     .. math:: \dot u' = r\,\operatorname{sgn}(u - u')
+
+    The command is updated once per control period.
 
     References
     ----------

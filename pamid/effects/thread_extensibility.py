@@ -9,7 +9,7 @@ from .values import Parameter
 
 
 class ThreadExtensibility(Effect):
-    r"""Threads whose length grows with the pressure, so that the volume depends on the pressure as well.
+    r"""Threads that lengthen with the pressure, on which the volume then depends.
 
     .. math:: b = b_0\,(1 + \kappa p), \qquad \Delta F = \frac{p}{L_0}\left(\frac{\partial V(b)}{\partial
         \varepsilon} - \frac{\partial V(b_0)}{\partial\varepsilon}\right) = -p\,\frac{b^2 - b_0^2}{4\pi n^2}

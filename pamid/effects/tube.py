@@ -12,7 +12,7 @@ from .values import Parameter
 
 
 class Tube(Effect):
-    r"""Tube between sensor and chamber: through its resistance, the chamber's pressure lags the reading.
+    r"""Tube from a sensor at the valve to the muscle: the pressure in the muscle lags behind the reading.
 
     .. math:: P' = P + \tau\,\dot P, \qquad \tau = R\,C
 

@@ -16,12 +16,13 @@ _LEAST = 1e-4
 
 
 class ValveLag(Effect):
-    r"""Lag of the spool behind the command, which is held for a control period; second order if the spool has inertia.
+    r"""Lag of the spool behind the command; second order if the spool has inertia.
 
     .. math:: s\,\tau^2\,\ddot y + \tau\,\dot y = u - y, \qquad u' = y
 
-    With s = 0 it is a lag of first order, with s = 1/4 two alike concatenated; above that the spool swings
-    about its command, with a damping ratio of :math:`1/(2\sqrt{s})`. By τ it comes late in any case.
+    The command is held for a control period. With s = 0 it is a lag of first order, with s = 1/4 two alike
+    concatenated; above that the spool swings about its command, with a damping ratio of :math:`1/(2\sqrt{s})`. By τ it
+    comes late in any case.
 
     Parameters
     ----------
