@@ -233,8 +233,8 @@ def estimators() -> str:
 
 
 WHAT_TO_DO = {
-    "PamidWarning": "If a sparse regression dropped a target, lower its threshold, or check that the target varies. "
-    "If an extension package is broken, repair it.",
+    "PamidWarning": "Lower the threshold of the regression, or check that its output varies. Update or uninstall an "
+    "extension that fails to load.",
     "UnitWarning": "Give the unit of the column in the mapping, and say whether a pressure is gauge or absolute.",
     "ReadingWarning": "Inspect the rows that it names; repair the sensor, or leave the rows out.",
     "ExcitationWarning": "Record runs that vary the signal it names, record more runs, or leave the signal out.",

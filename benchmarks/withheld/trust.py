@@ -48,7 +48,7 @@ BESIDE = {{
 {beside}}}
 """The same for causes that explain together."""
 TRUSTED = 0.5
-"""Probability from which a name is reported: it is then more likely right than not."""
+"""Estimated probability from which a name is reported."""
 SURE = {bar:.2f}
 """Probability from which at most one name in twenty is wrong, where one gap in five has a cause outside the library."""
 '''

@@ -8,8 +8,8 @@ COMMON = ("help", "json", "quiet", "seed", "debug")
 """What every command takes."""
 
 
-READING = ("columns", "nan", "trust")
-"""What every command takes that reads a log."""
+READING = ("columns", "encoding", "nan", "trust")
+"""Options of reading a log, which have the same meaning in every command that takes them."""
 
 
 def subparsers() -> dict[str, argparse.ArgumentParser]:

@@ -70,7 +70,7 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
         "--nan",
         choices=("raise", "drop", "keep"),
         default="keep",
-        help="treatment of missing values (default: keep; windows around them are left out)",
+        help="treatment of missing values (default: keep; time windows that contain one are not evaluated)",
     )
 
 

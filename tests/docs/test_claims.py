@@ -39,7 +39,7 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield "docs/theory-laws.md", f"over windows of {1000 * WINDOW:g} ms"
     yield "docs/command-line.md", f"over windows ({1000 * WINDOW:g} ms on the bench)"
     yield statistics, f"sets grow to {WORDS[MOST_CAUSES]} effects"
-    yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the other effects in its set"
+    yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the other effects in its set together"
     yield statistics, f"jackknife over {WORDS[STRETCHES]} stretches of equal information"
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
     yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'} above it"
@@ -68,7 +68,7 @@ def streams() -> Iterator[tuple[str, str]]:
     from pamid.online.recursive import GATE
 
     streaming = "docs/streaming.md"
-    yield streaming, f"| a fit to all rows, if at most {MEMORY_ROWS:,} differ; otherwise to a random sample"
+    yield streaming, f"| a fit to all rows, if at most {MEMORY_ROWS:,} are distinct; otherwise to a random sample"
     yield streaming, f"| a fit to all runs, if they have at most {MEMORY_ROWS_IN_ORDER:,} rows; otherwise"
     yield streaming, f"the diagnosis of all logs so far, up to {GapDiagnoser._memory_rows:,} rows"
     yield streaming, f"a sample {WORDS[round(GATE)]} standard deviations off is skipped"
@@ -102,7 +102,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield security, f"| `n_jobs` in a file | {_model_checks.MOST_JOBS} |"
     limits = f"{mujoco_loading.SECONDS} s, {mujoco_loading.MEMORY / 2**30:g} GiB"
     yield security, f"is loaded in a separate process first ({limits})"
-    yield security, f"own process: {fmu_model.SECONDS:g} s a run, {fmu_model.BYTES / 2**30:g} GiB"
+    yield security, f"own process: {fmu_model.SECONDS:g} s per simulated run, {fmu_model.BYTES / 2**30:g} GiB"
     refused = re.findall(r'"(\.\w+)"', inspect.getsource(fits))
     assert {".pt", ".pkl"} <= set(refused)
     yield "docs/simulators.md", "code (`.pt`, `.pkl`) are refused"

@@ -229,9 +229,9 @@ def test_every_room_is_on_the_map() -> None:
 
 
 def test_json_output_is_as_described(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Each JSON example of the command line page has the keys that the command prints."""
+    """Each JSON example of the command line page, and each list of keys below a command, is what the command prints."""
     page = DOCS / "command-line.md"
-    checked = 0
+    lines, checked, listed = page.read_text(encoding="utf-8").splitlines(), 0, 0
     for block in blocks(page):
         if block.language == "console":
             for command in re.sub(r"\\\n", " ", block.text).splitlines():
@@ -239,10 +239,15 @@ def test_json_output_is_as_described(folder: Path, capsys: pytest.CaptureFixture
                 capsys.readouterr()
                 assert main(words[1:]) == 0, command
                 printed = capsys.readouterr().out
+            below = "\n".join(lines[block.line + block.text.count("\n") + 1 :]).strip().partition(".\n")[0]
+            if below.startswith("`--json`: "):
+                keys = re.findall(r"`(\w+)`", re.sub(r"\([^)]*\)", "", below.partition(". ")[0]))
+                assert set(keys) == set(json.loads(printed)), f"keys below the block of line {block.line}"
+                listed += 1
         elif block.language == "json":
             assert shape(json.loads(block.text)) == shape(json.loads(printed)), f"block of line {block.line}"
             checked += 1
-    assert checked >= 3
+    assert checked >= 3 and listed >= 2
 
 
 TABLES_BY_NAME = ("trajectories", "equations", "parameters", "relative_change", "skipped")

@@ -37,7 +37,7 @@ it: --refit first fits them within their tolerances.
 biases a refit. COLUMN holds the reference that the controller followed; sizes of the simulator's own effects, such as
 the causes in corrected.toml, are fitted, too. The log must hold all states, or positions whose speeds the others are.
 
-The column fit is 100 % − nrmse, as in MATLAB's compare.
+The column fit is 100 % × (1 − nrmse), as in MATLAB's compare.
 
 SIM.toml may also describe a cylinder, a joint or a muscle with its one equation, or your own simulator: a function,
 equations, a MuJoCo model, an FMU. With --model, a model saved by 'pamid fit' predicts the log instead.

@@ -27,7 +27,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "test the parameters of a passport on another log"
+    summary = "test fitted parameters (a passport) on another system"
     parser = add_command(subparsers, "passport", summary, _DESCRIPTION, _EXAMPLES)
     parser.add_argument("passport", metavar="PASSPORT.toml", help="passport written by 'pamid diagnose --after'")
     add_log_options(parser)

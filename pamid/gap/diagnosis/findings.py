@@ -245,8 +245,8 @@ class Cause:
     others : tuple of dict of str to ParameterEstimate
         Parameters of the other effects of a class, each fitted in the place of the first.
     with_reserve : bool
-        Whether it stands for the effect "or something that looks like it on this log": more likely right than not, but
-        below the bar whose aim is at most one wrong name in twenty.
+        Whether it stands for the effect "or something that looks like it on this log": its estimated probability is
+        at least one half, but below the bar whose aim is at most one wrong name in twenty.
     signs : dict of str to float
         What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`.
     grade : str

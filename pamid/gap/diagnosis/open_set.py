@@ -7,8 +7,8 @@ model for causes that explain a gap alone and one for those that do so together,
 
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
-fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is reported where it is
-more likely right than not, and with reserve (this effect, or something that looks like it on this log) unless p is
+fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is reported where p
+is at least one half, and with reserve (this effect, or something that looks like it on this log) unless p is
 above the bar at which at most one in twenty of the names reported on such logs is wrong.
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at

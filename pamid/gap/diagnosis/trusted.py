@@ -45,6 +45,6 @@ BESIDE = {
 }
 """The same for causes that explain together."""
 TRUSTED = 0.5
-"""Probability from which a name is reported: it is then more likely right than not."""
+"""Estimated probability from which a name is reported."""
 SURE = 0.74
 """Probability from which at most one name in twenty is wrong, where one gap in five has a cause outside the library."""
