@@ -23,7 +23,7 @@ from pamid.effects import Effect, Parameter, all_effects
 from pamid.gap.inference.sensitivity import Template, templates
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.residuals.on_equation import OnEquation, strain_scale
-from pamid.gap.residuals.single import SignalEvidence
+from pamid.gap.residuals.single import SignalEvidence, Stated
 
 SMALL, LARGE = 3.0, 300.0
 """Size of an effect, in standard deviations of the noise."""
@@ -115,7 +115,7 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
     noise, scale = 0.004 * float(np.std(target)), strain_scale(table["position"], kind == "muscle")
 
     def held(y: np.ndarray, gap: float) -> Any:
-        found = SignalEvidence(equation, y, [str(k) for k in range(RUNS)], position=scale, contraction=kind == "muscle")
+        found = SignalEvidence(Stated(equation, y), [str(k) for k in range(RUNS)], position=scale, contraction=kind == "muscle")
         found.measure_as(found.sizes._replace(gaps={equation.kind: gap}))
         return found
 

@@ -8,7 +8,7 @@ import pytest
 from pamid.estimators import GapDiagnoser
 
 from pamid.gap.residuals.on_equation import OnEquation
-from pamid.gap.residuals.single import SignalEvidence
+from pamid.gap.residuals.single import SignalEvidence, Stated
 from pamid.gap.simulated import learn
 
 DT = 0.002
@@ -27,7 +27,7 @@ def evidence(add, speeds=SPEEDS, noise=0.3, input_noise=0.0, slope=0.0, seed=0):
     table = {"time": np.tile(TIME, len(x)), "position": np.concatenate(read)}
     starts = len(TIME) * np.arange(len(x))
     equation = OnEquation(table, lambda t: slope * t["position"], DT, starts, "force")
-    return SignalEvidence(equation, np.concatenate(y), [str(k) for k in range(len(x))])
+    return SignalEvidence(Stated(equation, np.concatenate(y)), [str(k) for k in range(len(x))])
 
 
 def measured_noise(source):

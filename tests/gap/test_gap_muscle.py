@@ -10,7 +10,7 @@ from pamid.estimators import GapDiagnoser, GeometricForce
 from pamid.effects import Signals, make_effect
 from pamid.gap.inference.sensitivity import relinearised, templates
 from pamid.gap.residuals.on_equation import OnEquation
-from pamid.gap.residuals.single import SignalEvidence
+from pamid.gap.residuals.single import SignalEvidence, Stated
 from pamid.remembered import Remembered
 from pamid.systems.muscle import Muscle
 
@@ -47,7 +47,7 @@ def table_of(log):
 def evidence(log):
     starts = np.flatnonzero(np.diff(log["trajectory"].astype(int), prepend=-1))
     equation = OnEquation(table_of(log), nominal, 0.01, starts, "force", PLANT)
-    return SignalEvidence(equation, log["F"].to_numpy(), [str(k) for k in range(len(starts))], contraction=True)
+    return SignalEvidence(Stated(equation, log["F"].to_numpy()), [str(k) for k in range(len(starts))], contraction=True)
 
 
 def test_slack_and_the_bladder_are_found_together(log):
