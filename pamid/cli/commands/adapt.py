@@ -40,7 +40,7 @@ file of --sim or beside the log; without any of them only the data decide.
 """
 _EXAMPLES = """\
   pamid adapt flow-A.pamid log-B.parquet --muscle B --out flow-B.pamid
-  pamid adapt force.pamid festo.csv --columns mapping.toml --muscle 0.182,0.01 --samples 100 --out festo.pamid
+  pamid adapt force.pamid festo.csv --columns columns.toml --muscle 0.182,0.01 --samples 100 --out festo.pamid
   pamid adapt flow-A.pamid log-B.parquet --method scales --out flow-B.pamid --json
 """
 

@@ -75,7 +75,7 @@ passport.toml and passport.html; 'pamid passport' tests such a passport on the l
 _EXAMPLES = """\
   pamid diagnose log.parquet --sim sim.toml --out diagnosis
   pamid diagnose log.parquet --out diagnosis --effects coulomb_friction,hysteresis,leakage
-  pamid diagnose bench.csv --columns mapping.toml --sim sim.toml --out diagnosis --without creep --json
+  pamid diagnose bench.csv --columns columns.toml --sim sim.toml --out diagnosis --without creep --json
   pamid diagnose log.csv --sim motor.toml --trust --out diagnosis      a function of your own, or an FMU
   pamid diagnose log.csv --sim arm.xml --out diagnosis                 a MuJoCo model
   pamid diagnose log.csv --sim arm.xml --after params_x_hat.yaml --out opinion      fitted by another tool

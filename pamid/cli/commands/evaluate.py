@@ -46,7 +46,7 @@ _EXAMPLES = """\
   pamid evaluate log.parquet --sim sim.toml
   pamid evaluate log.parquet --sim sim.toml --refit --json
   pamid evaluate log.csv --sim diagnosis/corrected.toml --refit --instruments wanted      recorded in closed loop
-  pamid evaluate new.csv --columns mapping.toml --sim sim.toml --model force.pamid
+  pamid evaluate new.csv --columns columns.toml --sim sim.toml --model force.pamid
 """
 
 

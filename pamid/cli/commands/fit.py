@@ -42,7 +42,7 @@ _EXAMPLES = """\
   pamid fit log.parquet --estimator StaticPIHM --sim sim.toml --out force.pamid
   pamid fit log.parquet --estimator GeometricFlow --sim sim.toml --out flow.pamid --set model=tondu_lopez
   pamid fit run*.csv --columns columns.toml --sim cylinder.toml --out cylinder.pamid
-  pamid fit festo/*.csv --columns mapping.toml --estimator MLP --equation force --set max_iter=50 --out mlp.pamid
+  pamid fit festo/*.csv --columns columns.toml --estimator MLP --equation force --set max_iter=50 --out mlp.pamid
 """
 
 

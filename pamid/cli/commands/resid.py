@@ -31,7 +31,7 @@ derivatives (flow, joint) overlap, so that noise alone correlates neighbours neg
 _EXAMPLES = """\
   pamid resid log.parquet --sim sim.toml
   pamid resid run*.csv --columns columns.toml --sim cylinder.toml --lags 50 --out resid.png
-  pamid resid new.csv --columns mapping.toml --sim sim.toml --model force.pamid
+  pamid resid new.csv --columns columns.toml --sim sim.toml --model force.pamid
 """
 
 
