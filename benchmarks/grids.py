@@ -115,7 +115,8 @@ def of_one_equation(kind: str, draws: int, rng: np.random.Generator) -> Iterator
     noise, scale = 0.004 * float(np.std(target)), strain_scale(table["position"], kind == "muscle")
 
     def held(y: np.ndarray, gap: float) -> Any:
-        found = SignalEvidence(Stated(equation, y), [str(k) for k in range(RUNS)], position=scale, contraction=kind == "muscle")
+        stated, names = Stated(equation, y), [str(k) for k in range(RUNS)]
+        found = SignalEvidence(stated, names, position=scale, contraction=kind == "muscle")
         found.measure_as(found.sizes._replace(gaps={equation.kind: gap}))
         return found
 

@@ -83,7 +83,7 @@ def is_drawn(name: str, key: str) -> bool:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of the list, which stands apart from them so that it can be measured anew; leave two thirds out."""
+    """Mark the tests of the list, which stands apart so that it can be measured anew; leave two thirds out."""
     known, key = slow_tests(), config.getoption("--third")
     for item in items:
         if _short(item) in known:

@@ -64,9 +64,9 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         return predicted()
     found = DirectEvidence(at_ports, simulator, derived, refit)
     if better := better_derived(found):
-        other = DirectEvidence(at_ports, simulator, {**derived, **better}, refit)
-        if not motion_is_hidden(other):
-            found, derived = other, other.derived
+        by_position = DirectEvidence(at_ports, simulator, {**derived, **better}, refit)
+        if not motion_is_hidden(by_position):
+            found, derived = by_position, by_position.derived
     if found.lines_explain_more():
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:

@@ -271,7 +271,8 @@ class System(Simulator, ABC):
         between: Sequence[Any] | None = None,
     ) -> System:
         """Return the system with other numbers and words, or other effects."""
-        entries: dict[str, Quantity | Choice] = {q.name: q for q in (*self.quantities, *self.choices)}
+        both: list[Quantity | Choice] = [*self.quantities, *self.choices]
+        entries = {q.name: q for q in both}
         refuse_others(parameters or {}, entries, f"[{self.kind}] has no", remedy="Correct it.")
         given = {name: entries[name].checked(value, self.kind) for name, value in (parameters or {}).items()}
         out, own = copy(self), self.own_numbers()

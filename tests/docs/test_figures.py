@@ -144,8 +144,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         for name, log in (("InvertedForce(tondu_lopez)", 1), ("InverseModel", 1), ("InvertedForce(tondu_lopez)", 2))
     )
     directed = at("other-benches-inverse", "InverseModel(direction)", 2)
-    beyond = f"{geometry:.2f} kPa instead of {learnt:.1f} (`InverseModel`); with Coulomb friction, though, {friction:.1f}"
-    yield "docs/choosing.md", f"{beyond} instead of {directed:.1f} (`InverseModel(direction)`)"
+    beyond = f"{geometry:.2f} kPa instead of {learnt:.1f} (`InverseModel`); with Coulomb friction, though,"
+    yield "docs/choosing.md", f"{beyond} {friction:.1f} instead of {directed:.1f} (`InverseModel(direction)`)"
     runs = [at("other-benches-dynamic", "ForwardModel(direction)", log) for log in (1, 2, 3)]
     rows = re.findall(
         r"^(?!dynamic)(.*?) {2,}([\d.]+)\*? +([\d.]+)\*? +([\d.]+)", blocks["other-benches-dynamic"], re.M
@@ -155,7 +155,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     arms = re.findall(r"^\| ([^|]*) \| \**([\d.]+)", (ROOT / "docs/published.md").read_text(encoding="utf-8"), re.M)
     arm = {simulator: error for simulator, error in arms}
     ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit to another arm"]
-    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | for comparison, a vendor's fit: {vendor} mrad |"
+    beside = f"for comparison, a vendor's fit: {vendor} mrad"
+    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | {beside} |"
     yield "docs/published.md", f"the best other fit: {ours} mrad and"
     aim = "of those named without reserve"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))

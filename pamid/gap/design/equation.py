@@ -36,8 +36,8 @@ class EquationRig(PortInputs):
     def _stated(self, numbers: np.ndarray, table: Mapping[str, np.ndarray], starts: np.ndarray) -> Stated:
         """Return the equation on other rows, with other numbers but those that have been changed; nothing measured."""
         last = self.logs[-1]
-        there = dict(zip(last.given.parameters, numbers, strict=False)) | self.numbers
-        found = last.stated(np.array(list(there.values()), dtype=float))
+        there = {**dict(zip(last.given.parameters, map(float, numbers), strict=False)), **self.numbers}
+        found = last.stated(np.array(list(there.values())))
         return found._replace(equation=found.equation.on(table, starts), y=np.zeros(0))
 
     def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:

@@ -64,7 +64,7 @@ class OnEquation:
         return OnEquation(table, nominal, self.dt, starts, self.kind, self.plant, self.units, self.sense, self.usual)
 
     def join(self, other: OnEquation) -> None:
-        """Let effects act in the sense of another equation on the log, and share what depends on its signals alone."""
+        """Take the sense of effects from another equation on the log, and share what depends on its signals alone."""
         self.sense, known = other.sense, other.table
         apart = self._remembered is not other._remembered
         if apart and all(np.array_equal(x, known[k]) for k, x in self.table.items()):
