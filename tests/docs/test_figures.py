@@ -158,6 +158,13 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     beside = f"for comparison, a vendor's fit: {vendor} mrad"
     yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | {beside} |"
     yield "docs/published.md", f"the best other fit: {ours} mrad and"
+    opinions = blocks["second-opinion"]
+    causes, fits = re.findall(r"(\d+) causes on 4 simulators, (\d+) fits", opinions)[0]
+    biased, told, rate = re.findall(r"absorbed a cause: (\d+), told (\d+) \((\d+)%", opinions)[0]
+    clean, accused = re.findall(r"clean: (\d+), accused (\d+)", opinions)[0]
+    assert accused == "0"
+    yield "docs/published.md", f"In {biased} of {int(fits) - int(clean)} fits to logs with one of {causes} causes"
+    yield "docs/published.md", f"{told} of these were found ({rate} %). None of {clean} fits to logs without a cause"
     aim = "of those named without reserve"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
