@@ -5,8 +5,10 @@ from __future__ import annotations
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
-from pamid.gap.inference.significance import excess
+from pamid.gap.diagnosis.signs import _Told
+from pamid.gap.inference.significance import excess, noise_error
 
 
 def _p_value(rows: int, times: float) -> float:
@@ -24,3 +26,12 @@ def test_a_tenth_above_the_noise_is_a_gap_in_a_long_log_only():
 
 def test_a_third_above_the_noise_is_a_gap_in_a_short_log():
     assert _p_value(800, 1.33) < 0.01
+
+
+@pytest.mark.parametrize(("exact", "times", "left"), [(False, 1.03, False), (False, 1.3, True), (True, 1.03, True)])
+def test_what_is_less_than_the_noises_own_error_is_not_left_by_a_cause(exact, times, left):
+    """Of a bench the weights of the signs are fitted to all that exceeds the noise as estimated."""
+    told = object.__new__(_Told)
+    told.unsure = 0.0 if exact else noise_error(SimpleNamespace(rows=2000))
+    z = np.random.default_rng(1).standard_normal(2000)
+    assert (told._excess(times * z / np.sqrt(np.mean(np.square(z)))) > 0.0) == left

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit, Fitter, slots_of
-from ..inference.significance import excess, lasting
+from ..inference.significance import excess, lasting, noise_error
 from ..inference.so_far import in_words
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
@@ -197,10 +197,11 @@ def _beyond(z: np.ndarray) -> float:
 def _unexplained(
     evidence: ResidualSource, before: np.ndarray, after: np.ndarray, equations: Sequence[EquationFinding]
 ) -> list[str]:
-    """Return the equations with a part of the gap of which the named causes close less than half."""
+    """Return the equations with a part of the gap of which the named causes close less than half, beyond the noise."""
     parts = dict(zip(evidence.equations, evidence.parts, strict=True))
     material = [e.equation for e in equations if e.share > MATERIAL]
-    return [name for name in material if _beyond(after[parts[name]]) > 0.5 * _beyond(before[parts[name]])]
+    least, was = noise_error(evidence), {name: _beyond(before[parts[name]]) for name in material}
+    return [name for name in material if _beyond(after[parts[name]]) > max(0.5 * was[name], least)]
 
 
 def _causes(fitter: Fitter, verdict: Verdict, clusters: Clusters, closure: list[Closure]) -> list[Cause]:

@@ -14,6 +14,7 @@ import numpy as np
 from ..inference.competition import Competition
 from ..inference.flexible import Flexible
 from ..inference.hypotheses import Outcome
+from ..inference.significance import noise_error
 from ..inference.student_t import bounded
 from ..residuals.protocol import ResidualSource
 from ..settings import EXCESS, NU, OF_ITS_OWN
@@ -64,6 +65,8 @@ class _Told:
         self.before, self.after = self.evidence.raw(outcome.base.fit.z), self.evidence.raw(self.best.fit.z)
         self.whole = competition.discrepancy.whole(fit)
         self.beyond = {k: self.evidence.raw(d) for k, d in competition.discrepancy.contributions(fit).items()}
+        # What is less than the noise's own error is not left: on a bench the weights of the signs are fitted without.
+        self.unsure = 0.0 if self.evidence.exact else noise_error(self.evidence)
         self.main = {name: competition.discrepancy.main_part(fit, name) for name in fit.spec}
         self.weight = np.empty(len(fit.z))
         for part, s, share in zip(self.evidence.parts, fit.scales, competition.fitter.weights, strict=True):
@@ -92,7 +95,7 @@ class _Told:
             was, now, left = self.outcome.base.left[k], self.best.left[k], 0.0
             if min(was, now) > self._least(k):
                 left = float(np.log(now) / np.log(was))
-            room, still = _excess(self.before[part]), _excess(self.after[part])
+            room, still = self._excess(self.before[part]), self._excess(self.after[part])
             enough = still > 0.0 and part.stop - part.start > 60
             share = still / room if room > 0 else 0.0
             # Where the gap is large, a right cause of a slightly wrong form leaves more than the noise.
@@ -118,8 +121,14 @@ class _Told:
 
     def _left_in(self, parts: Sequence[slice]) -> float:
         """Return the share of the gap in some equations that the hypothesis leaves."""
-        room = sum(_excess(self.before[part]) for part in parts)
-        return sum(_excess(self.after[part]) for part in parts) / room if room > 0 else 0.0
+        room = sum(self._excess(self.before[part]) for part in parts)
+        return sum(self._excess(self.after[part]) for part in parts) / room if room > 0 else 0.0
+
+    def _excess(self, z: np.ndarray) -> float:
+        """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""
+        power = np.square(z)
+        bounded_sum = float(np.sum(np.minimum(power, 36.0 * (np.median(power) + 1.0))))
+        return max(bounded_sum - (1.0 + self.unsure) * len(z), 0.0)
 
     def _where(self, name: str) -> list[slice]:
         """Return the equations that a cause changes: a gap in others is no sign for or against it."""
@@ -134,7 +143,7 @@ class _Told:
 
     @cached_property
     def _unclosed_of_gap(self) -> float:
-        room, still = (sum(_excess(z[p]) for p in self.evidence.parts) for z in (self.before, self._held_out[1]))
+        room, still = (sum(self._excess(z[p]) for p in self.evidence.parts) for z in (self.before, self._held_out[1]))
         return still / room if room > 0 else 0.0
 
     @cached_property
@@ -216,9 +225,3 @@ def _colour(evidence: ResidualSource, z: np.ndarray, part: slice) -> float:
         if same.any():
             total += float(np.mean((x[lag:] * x[:-lag])[same]) / power) ** 2 - 1.0 / float(same.sum())
     return float(np.sqrt(max(total, 0.0) / LAGS))
-
-
-def _excess(z: np.ndarray) -> float:
-    """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""
-    power = np.square(z)
-    return max(float(np.sum(np.minimum(power, 36.0 * (np.median(power) + 1.0)))) - len(z), 0.0)

@@ -124,8 +124,12 @@ def excess(evidence: ResidualSource, z: np.ndarray, part: slice, size: float) ->
     means = np.bincount(label.ravel(), power) / count
     mean = float(np.average(means, weights=count))
     error = float(np.sqrt(np.average(np.square(means - mean), weights=count) / max(len(means) - 1, 1)))
-    known = 2.0 * np.hypot(NOISE_KNOWN, SPREAD / np.sqrt(max(evidence.rows, 1)))
-    return Excess(size, float(ndtr((1.0 - mean) / np.hypot(error, known))))
+    return Excess(size, float(ndtr((1.0 - mean) / np.hypot(error, noise_error(evidence)))))
+
+
+def noise_error(evidence: ResidualSource) -> float:
+    """Return the relative standard error of the noise's power."""
+    return 2.0 * float(np.hypot(NOISE_KNOWN, SPREAD / np.sqrt(max(evidence.rows, 1))))
 
 
 def outliers(evidence: ResidualSource, z: np.ndarray) -> float:
