@@ -150,7 +150,7 @@ class ShootingEvidence(PredictedEvidence):
 
     def _again(self) -> None:
         """Clear caches of the simulator with other parameters."""
-        self._x0 = self._fitted_from(self._x0)[0]
+        self._x0 = self._unless_apart(*self._fitted_from(self._x0))
         for kept in (self._moved, self._done, self._from, self._last, self._responses):
             kept.clear()
         self._blocks()

@@ -16,7 +16,7 @@ from ..inference.student_t import bounded
 from ..settings import TOLERANCE
 from .ports import PortEvidence
 from .states import pairs_of, probe
-from .tolerances import LAYINGS, differ
+from .tolerances import LAYINGS, differ, rms
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
@@ -26,6 +26,10 @@ GOES = 8
 """Times as long as predictions are within that share from a start that is off, they may be from a better one."""
 ASTRAY = 10.0
 """Standard deviations of a signal by which a prediction that runs away misses it."""
+APART = 3.0
+"""Times that of the others, and the noise, from which a stretch's error may be that of a wrong initial state."""
+FIRST_PARTS = 1 / 16, 1 / 8, 1 / 4, 1 / 2
+"""Shares of a stretch over which an initial state is fitted then, one after the other."""
 SHORTEST = 24
 """Least samples of a stretch."""
 BELOW = 6.0
@@ -167,17 +171,44 @@ class StretchEvidence(PortEvidence):
         if np.any(mirrored != x0):  # a magnitude does not show on which side a stretch begins
             others, missed = self._fitted_from(mirrored)
             better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
-            found = np.where(better, others, found)
-        return found
+            found, error = (
+                np.where(better, others, found),
+                [m if b else e for m, e, b in zip(missed, error, better, strict=True)],
+            )
+        return self._unless_apart(found, error)
 
-    def _fitted_from(self, x0: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the best initial states near given ones, and the remaining prediction error."""
-        error = self._error(x0)
+    def _unless_apart(self, x0: np.ndarray, error: list[np.ndarray]) -> np.ndarray:
+        """Return initial states, fitted anew over growing parts where a stretch misses by far more than the others.
+
+        Far along an unstable motion the error has many least values, and few over its first part.
+        """
+        misses = [rms(np.nan_to_num(e)) for e in error]
+        least = max(min(misses) if len(misses) > 1 else 1.0, 1.0)
+        if self.simulator.one_by_one or max(misses) <= APART * least:
+            return x0
+        anew = self._starts()
+        for share in FIRST_PARTS:
+            anew, _ = self._fitted_from(anew, share)
+        anew, missed = self._fitted_from(anew)
+        better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
+        return np.where(better, anew, x0)
+
+    def _fitted_from(self, x0: np.ndarray, share: float = 1.0) -> tuple[np.ndarray, list[np.ndarray]]:
+        """Return the best initial states near given ones, and the error over a first share of each stretch."""
+
+        def begun(along: Sequence[np.ndarray]) -> list[np.ndarray]:
+            return [x[..., : max(round(share * x.shape[-1]), 1)] for x in along]
+
+        error = begun(self._error(x0))
         for _ in range(ROUNDS):
-            slopes = self._slopes(x0)
-            trial = x0 + self._shift(slopes, error)
-            found = self._error(trial)
-            better = np.array([np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)])
+            shift = self._shift(begun(self._slopes(x0)), error)
+            for size in (1.0,) if share == 1.0 else (1.0, 0.25, 0.0625):
+                trial = x0 + size * shift
+                found = begun(self._error(trial))
+                less = [np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)]
+                better = np.array(less)
+                if better.any():
+                    break
             if not better.any():
                 break
             x0, before = np.where(better, trial, x0), power(error)
