@@ -126,3 +126,24 @@ def test_only_angles_that_come_round_have_turns() -> None:
     at = np.zeros(3), np.array([[0.1, 0.5, 2.0], [0.0, 1.0, 2.0]]), np.ones((1, 3))
     assert full_turns(motor, *at) == {}
     assert full_turns(pendulum, *at) == {"q": pytest.approx(2.0 * np.pi)}
+
+
+def test_a_run_that_is_begun_wrongly_is_fitted_over_growing_parts() -> None:
+    """From a pendulum's wrong swing over the top, the whole run leads to none of the right ones."""
+    ports = [Port("T", "input", "rad/s2"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    pendulum = FunctionSimulator(lambda t, x, u, p: [x.w, u.T - 9.81 * np.sin(x.q) - 0.2 * x.w], ports, {})
+    rng, runs, t = np.random.default_rng(4), [], 0.01 * np.arange(600)
+    for k in range(3):
+
+        def swing(s: float, x: np.ndarray, k: int = k) -> list[float]:
+            return [x[1], 6.0 * np.sin(1.3 * s + k) - 9.81 * np.sin(x[0]) - 0.2 * x[1]]
+
+        q = solve_ivp(swing, (0.0, 6.0), [0.4 * k, 0.5], t_eval=t, rtol=1e-8).y[0] + 0.02 * rng.standard_normal(600)
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "T": 6.0 * np.sin(1.3 * t + k), "q": q}))
+    found = ShootingEvidence(port_log(pd.concat(runs, ignore_index=True), pendulum), pendulum)
+    wrong = found._x0.copy()
+    wrong[:, -1] += 0.3, 3.0
+    nearby, error = found._fitted_from(wrong)
+    assert np.sqrt(np.mean(np.square(error[-1]))) > 4.0
+    again = found._error(found._unless_apart(nearby, error))
+    assert max(np.sqrt(np.mean(np.square(e))) for e in again) < 1.5
