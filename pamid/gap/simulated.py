@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
     from .one_equation import stated
-    from .residuals.choice import PREDICTED_IF, better_derived, motion_is_hidden, sign_may_be_lost
+    from .residuals.choice import BY_POSITION, PREDICTED_IF, better_derived, motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
 
     if simulator.states_equation:
@@ -69,6 +69,7 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
             found, derived = by_position, by_position.derived
     if found.lines_explain_more():
         found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
+    found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
     if motion_is_hidden(found):

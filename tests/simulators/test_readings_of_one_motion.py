@@ -66,6 +66,8 @@ def test_a_noisy_speed_takes_nothing_from_what_the_position_shows() -> None:
     drive = {k: float(np.median(e.noise[e.parts[e.equations.index("q")]])) * np.sqrt(e.n) for k, e in found.items()}
     assert drive[2e-2] < 1.2 * drive["none"]
     assert drive[2e-4] < 1.2 * drive["none"]
+    assert any("less noise than v" in note for note in found[2e-2].notes)
+    assert not any("less noise than v" in note for note in found["none"].notes)
 
 
 def test_a_fault_of_a_noisy_speed_shows_beside_the_position() -> None:

@@ -23,6 +23,10 @@ PULLED = (
     "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
     "more runs like these, or filtering the log, do not."
 )
+BY_POSITION = (
+    "The acceleration is derived from {position}, which shows it with less noise than {velocity}; the two are compared "
+    "with each other."
+)
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
 
