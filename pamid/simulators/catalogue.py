@@ -180,13 +180,12 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
 
 
 def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+    found, own = [], {f"{name}@{where}": values for name, where, values in simulator.effects}
     for port in survey.readings:
         span = survey.spans.get(port, 0.0)
         if not span > 0.0:
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
-        own = {f"{name}@{where}": values for name, where, values in simulator.effects}
         for name, (kind, effect) in port_effects().items():
             if kind == "output":
                 end, reach = survey.ends.get(port, 0.0), survey.tops.get(port, span)

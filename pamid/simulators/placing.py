@@ -18,6 +18,8 @@ STRAIN = 0.2
 """Strain in the library's units that corresponds to a signal's range."""
 GAP = {"force": 10.0, "flow": 1e-4}
 """Force, N, and flow, kg/s, in the library's units that correspond to a gap."""
+LIMITS = {"limit", "upper", "depth"}
+"""Parameters that are an end of a range, of a command or a reading."""
 QUARTER = 0.5 * np.pi
 """Largest phase, rad, between two rows of the fastest swing that they resolve."""
 
@@ -45,7 +47,7 @@ def placed(
             plain = [(words.get(w, w) if turns else w.replace("rad", "-"), n) for w, n in powers_of.items() if n]
         units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
     changes: dict[str, Any] = {} if prior is None else {"prior": prior}
-    if reach and {"limit", "upper", "depth"} & units.keys():
+    if reach and LIMITS & units.keys():
         top, low = reach / scales.target, least / scales.target
         changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
     if any(p.periods or p.refines for p in effect.parameters):
@@ -82,7 +84,7 @@ def _remembered(p: Parameter, shortest: float) -> Parameter:
 
 def _reached(p: Parameter, top: float, least: float) -> Parameter:
     """Return the limit of a saturation within the range of a signal, and its least value."""
-    if p.name not in ("limit", "upper", "depth"):
+    if p.name not in LIMITS:
         return p
     return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
 

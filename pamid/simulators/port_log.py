@@ -150,16 +150,14 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
     t = np.concatenate([t for _, t, _, _ in even])
     made = PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
+    # Others are simulated over stretches, which shows how far the motion goes where a reading ends.
     if simulator.form == "algebraic" or (simulator.form == "ode" and simulator.one_by_one):
         return _without_ends(made, [p.name for p in there if p.kind in ("output", "state")])
     return made
 
 
 def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
-    """Return a log without readings at the one end of the range that sensors reach, with notes.
-
-    Others are simulated over stretches, which shows how far the motion goes where a reading ends.
-    """
+    """Return a log without readings at the one end of the range that sensors reach, with notes."""
     channels, gaps, notes = dict(log.channels), dict(log.gaps), list(log.notes)
     for name in readings:
         if (end := end_of(x := log.channels[name], log.spans)) is not None and end.side:

@@ -132,11 +132,12 @@ def test_gains_of_a_servo_are_numbers_of_it(tmp_path: Path) -> None:
 # --- the passport --------------------------------------------------------------------------------------------
 def test_the_passport_states_how_far_runs_agree() -> None:
     log = log_of(0.0)
+    log["x"] = log["x"].round(2)  # so coarse that the speed shows the motion, and the runs differ by its noise
     said = second_opinion(log, rail(), {"m": 2.0, "c": 3.0}, ["coulomb_friction"])
     judged = freed(rail(), {j.name: j.value for j in said.numbers})
     computed = estimates(log, judged, ["m", "c"]).agreement
     stated = tomllib.loads(Passport.of(said).text())["passport"]["agreement_of_runs"]
-    assert stated == pytest.approx(computed) and LEVEL < stated <= 1.0
+    assert stated == pytest.approx(computed) and LEVEL < stated < 1.0
     one = estimates(log.query("trajectory == '0'"), judged, ["m", "c"]).agreement
     assert one != one, "a single run agrees with no other"
     assert "agreement_of_runs" not in Passport.of(replace(said, agreement=one)).text()
