@@ -56,9 +56,11 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
     tell_unit_doubts(simulator, at_ports)
     derived = measured_states(simulator, at_ports)
 
-    def predicted() -> ShootingEvidence:
-        found = ShootingEvidence(at_ports, simulator, refit=refit)
-        return ShootingEvidence(at_ports, simulator, refit=refit, lines=True) if found.lines_explain_more() else found
+    def predicted(longest: int = 0) -> ShootingEvidence:
+        found = ShootingEvidence(at_ports, simulator, refit=refit, longest=longest)
+        if found.lines_explain_more():
+            return ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest)
+        return found
 
     if derived is None or (simulated and simulator.form != "algebraic"):
         return predicted()
@@ -74,10 +76,10 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         return other
     if motion_is_hidden(found):
         return predicted()
-    for is_so, note in PREDICTED_IF:
-        if is_so(found):
+    for is_so, longest, note in PREDICTED_IF:
+        if note not in found.notes and is_so(found):
             if not simulator.one_by_one:  # otherwise it would take too long
-                return predicted()
+                return predicted(longest)
             found.notes.append(note)
     return found
 

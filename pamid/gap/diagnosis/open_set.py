@@ -17,7 +17,8 @@ they close more than they leave in the equations that they change, a share c, wi
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
 
-and always with reserve where they explain less than a twentieth of the gap in their equation.
+and always with reserve where they explain less than a twentieth of the gap in their equation, or where the causes
+beside them undo most of what they change.
 
 References
 ----------
@@ -47,7 +48,7 @@ class Trust:
     signs: dict[str, float]
     """Its signs, see `signs_of`."""
     of_its_own: bool = True
-    """Whether it is too large to compensate for the inexact forms of the causes beside it."""
+    """Whether it is too large to compensate for the causes beside it, and these do not undo most of it."""
 
     @property
     def named(self) -> bool:
@@ -88,7 +89,9 @@ def trust(
         if not competition.evidence.exact:
             closed = 1.0 - signs["left_where_it_acts"]
             probability = max(TRUSTED, 0.5 * (probability + closed)) if closed >= TRUSTED else closed
-        # In such a model no small further cause is told from what the forms of the others lack.
-        own = competition.evidence.exact or signs["faint"] <= -0.25 * log(OF_ITS_OWN)
+        # In such a model no small further cause is told from what the forms of the others lack, nor one that they undo:
+        # then two wrong forms may differ by the right one.
+        small, undone = signs["faint"] > -0.25 * log(OF_ITS_OWN), signs["undone"] ** 2 > 0.5  # of the sum of squares
+        own = competition.evidence.exact or not (small or undone)
         found[name] = Trust(probability, signs, own)
     return found

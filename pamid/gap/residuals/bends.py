@@ -55,3 +55,14 @@ def means(
         t = np.stack([log.t, log.t + log.dt])
         later = Runner(simulator, log.dt, (), STEPS, True).states(t, x, np.stack([starts, ends]), p)[1]
     return np.asarray((later - x) / log.dt)
+
+
+def carried(slopes: np.ndarray, dt: float) -> np.ndarray:
+    r"""Return the change of the mean rates over a step by constant additions to rates, :math:`\varphi_1(A h)`.
+
+    A force moves a speed within the step, and thus the position and whatever else follows it.
+    """
+    from scipy.linalg import expm
+
+    n = len(slopes)
+    return np.asarray(expm(np.block([[slopes * dt, np.eye(n)], [np.zeros((n, 2 * n))]]))[:n, n:])

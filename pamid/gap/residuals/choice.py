@@ -10,7 +10,7 @@ from ..settings import LEAST_GAIN
 from .bends import MATTERS
 from .direct import DirectEvidence
 from .kinematic import both_measured
-from .stretches import BELOW
+from .stretches import BELOW, SHORT
 from .tolerances import rms
 from .window_length import window_noise
 
@@ -39,11 +39,17 @@ def sensor_ends(found: DirectEvidence) -> bool:
 
 def noise_pulls(found: DirectEvidence) -> bool:
     """Return whether noise in modelled rates moves a parameter by as much as a false alarm needs."""
-    return found.simulator.form == "ode" and 0.5 * found.pulled() ** 2 > LEAST_GAIN
+    return found.simulator.form == "ode" and found.pulled[0] > LEAST_GAIN
 
 
-PREDICTED_IF = ((sensor_ends, ENDED), (noise_pulls, PULLED))
-"""What predictions avoid, and what is said of a simulator for which they take too long."""
+def noise_pulls_together(found: DirectEvidence) -> bool:
+    """Return whether it moves parameters by as much that can compensate each other."""
+    return found.simulator.form == "ode" and found.pulled[1] > LEAST_GAIN
+
+
+PREDICTED_IF = ((sensor_ends, 0, ENDED), (noise_pulls, 0, PULLED), (noise_pulls_together, SHORT, PULLED))
+"""What predictions avoid, the longest stretches that it takes (0: whole runs), and what is said of a simulator for
+which they take too long."""
 
 
 def better_derived(found: DirectEvidence) -> dict[str, str]:

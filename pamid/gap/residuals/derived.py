@@ -10,7 +10,7 @@ so what smoothing removes is put back with the typical slope of the rates over t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -23,10 +23,22 @@ from .between_rows import after, before
 def speed_slopes(
     simulator: Simulator, derived: Mapping[str, str], t: np.ndarray, x: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """Return the typical slopes of all rates in derived speeds at some instants, shape (n_states, n_derived)."""
+    """Return the typical slopes of all rates in derived speeds, shape (n_states, n_derived).
+
+    Those of the positions are zero: their rates are compared with speeds as read.
+    """
+    slopes = typical_slopes(simulator, list(derived.values()), t, x, u)
+    slopes[[simulator.states.index(position) for position in derived]] = 0.0
+    return slopes
+
+
+def typical_slopes(
+    simulator: Simulator, of: Sequence[str], t: np.ndarray, x: np.ndarray, u: np.ndarray
+) -> np.ndarray:
+    """Return the typical slopes of all rates in some states at some instants, shape (n_states, n_of)."""
     p, slopes = spread_numbers(simulator, x.shape[1]), []
-    for velocity in derived.values():
-        k = simulator.states.index(velocity)
+    for name in of:
+        k = simulator.states.index(name)
         step = 0.1 * float(np.std(x[k])) or 1.0
         up, down = x.copy(), x.copy()
         up[k] += step

@@ -39,9 +39,9 @@ from ...simulators.structure import (
 from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
-from .bends import matters, means, simpson, steps_of
+from .bends import carried, matters, means, simpson, steps_of
 from .between_rows import after, passed_on, timings
-from .derived import rounded_off, speed_slopes
+from .derived import rounded_off, speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .port_windows import PortWindows
 from .protocol import Active
@@ -79,6 +79,7 @@ class DirectEvidence(UndoneEvidence):
         self._bend = np.zeros((len(simulator.states), 2 * log.n))
         self._step: float | None = None
         """Step by which the simulator is run over each sample; None where lines between its ends are enough."""
+        self._through = np.eye(len(simulator.states))
         self._fast, self._u = False, log.inputs(simulator)
         self._x, self._table = self._motion(log.channels)
         if simulator.form == "ode":
@@ -204,7 +205,7 @@ class DirectEvidence(UndoneEvidence):
         for k, b in enumerate(self.balances):
             part, found = slice(ends[k], ends[k + 1]), {}
             if b.velocity:
-                within = self._accelerations()[self.simulator.states.index(b.velocity)]
+                within = self._base_rates[self.simulator.states.index(b.velocity)]
                 rates = nuisances(self.log.channels[b.velocity], within, self.log, self.n, self._first[k])
                 found = {f"{name} of {b.velocity}": own for name, own in rates.items()}
             elif b.name in driven and np.all(np.isfinite(plain[part])):
@@ -231,10 +232,6 @@ class DirectEvidence(UndoneEvidence):
         u = passed_on(active, self._u, self.simulator.inputs, self.log, not self.lines)
         plain = self._under(u)
         return {name: self._under(moved) - plain for name, moved in timings(self.simulator.inputs, u, self.log)}
-
-    def _accelerations(self) -> np.ndarray:
-        """Return the modelled rates of all states at both ends of each step."""
-        return self._base_rates
 
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""
@@ -327,7 +324,7 @@ class DirectEvidence(UndoneEvidence):
                     place.push(made, rows, simulator, (log.t, x, u, wide(p, log.n)), shown, np.zeros_like(x))
         if simulator.form == "algebraic":
             return self._windowed(active, readings, np.zeros((0, 0)), self._outputs(x, shown, p))
-        rates = self._total_rates(x, u, pushed, p, restored) + added
+        rates = self._total_rates(x, u, pushed, p, restored) + self._through @ added
         rates = rates + as_read(self.derived, readings, simulator.states, x, log)
         return self._windowed(active, readings, rates, self._outputs(x, shown, p))
 
@@ -392,6 +389,8 @@ class DirectEvidence(UndoneEvidence):
         best = min((None, *steps_of(self.simulator)), key=left)
         left(best)
         self.runs_within_steps = best is not None
+        if self.runs_within_steps:
+            self._through = carried(typical_slopes(self.simulator, self.simulator.states, *self._some()), self.log.dt)
         if best and best != self.simulator.own_step:
             self.notes.append(
                 f"The log looks as if the model had made it in steps of {1e3 * best:g} ms: it states "

@@ -37,9 +37,10 @@ class PredictedEvidence(StretchEvidence):
     overlap = 1
 
     def __init__(
-        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
-    ) -> None:
-        super().__init__(log, simulator, whole, refit, lines)
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
+        longest: int = 0,
+    ) -> None:  # fmt: skip
+        super().__init__(log, simulator, whole, refit, lines, longest)
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False

@@ -56,9 +56,10 @@ class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
     def __init__(
-        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
-    ) -> None:
-        super().__init__(log, simulator, whole, refit, lines)
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
+        longest: int = 0,
+    ) -> None:  # fmt: skip
+        super().__init__(log, simulator, whole, refit, lines, longest)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]

@@ -30,6 +30,9 @@ APART = 3.0
 """Times that of the others, and the noise, from which a stretch's error may be that of a wrong initial state."""
 FIRST_PARTS = 1 / 16, 1 / 8, 1 / 4, 1 / 2
 """Shares of a stretch over which an initial state is fitted then, one after the other."""
+SHORT = 60
+"""Samples of a stretch where all states are read, and predictions serve to keep their noise out: a drive's windows are
+a fifth of that, and many stretches are simulated side by side."""
 SHORTEST = 24
 """Least samples of a stretch."""
 BELOW = 6.0
@@ -52,7 +55,7 @@ class Segment(NamedTuple):
 class StretchEvidence(PortEvidence):
     """What predictions over stretches of a log need: their bounds and initial states.
 
-    With ``whole``, runs are predicted as wholes, however far they diverge.
+    With ``whole``, runs are predicted as wholes, however far they diverge; with ``longest``, in pieces of as many rows.
     """
 
     shown: list[str]
@@ -61,10 +64,11 @@ class StretchEvidence(PortEvidence):
     """Readings whose sign is lost, with the share of it: the simulator follows the log once that is taken away."""
 
     def __init__(
-        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False
-    ) -> None:
+        self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
+        longest: int = 0,
+    ) -> None:  # fmt: skip
         super().__init__(log, simulator, refit, lines)
-        self.whole = whole
+        self.whole, self.longest = whole, longest
         self.stretches: list[Segment] = []
         self.folds = {}
         self._x0 = np.zeros((len(simulator.states), 0))
@@ -136,6 +140,8 @@ class StretchEvidence(PortEvidence):
         Stretches can then be simulated side by side.
         """
         longest = max(b - a for a, b in self.log.spans)
+        if self.longest:
+            return min(longest, self.longest)
         if self.simulator.form != "ode" or self.whole or not self.simulator.states:
             return longest
         for length in FORGETS:

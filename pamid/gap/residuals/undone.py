@@ -25,12 +25,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from functools import cached_property
 
 import numpy as np
 
 from ...equations.windows import average
 from ...simulators.base import Simulator
 from ...simulators.placement import Placement
+from ..settings import TOLERANCE
 from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
@@ -74,26 +76,28 @@ class UndoneEvidence(PortEvidence, ABC):
         """The states and inputs at each row, shapes (n_states, n) and (n_inputs, n)."""
         return self._x, self._u
 
-    def pulled(self) -> float:
-        r"""Return the largest pull of noise in modelled rates on a parameter, in standard errors (errors in variables).
+    @cached_property
+    def pulled(self) -> tuple[float, float]:
+        r"""The most nats that a parameter gains from noise in modelled rates, by itself and with all others.
 
-        With residuals r, slopes s and those of a noisier copy, it is :math:`\sum (s' - s)(r' - r) / \sqrt{\sum s^2}`.
+        With slopes S of the white residuals, S' of a noisier copy and its change d, noise pulls by
+        :math:`g = (S' - S)^T d` (errors in variables), and a fit gains
+        :math:`\tfrac12 g^T (S^T S + \text{prior})^{-1} g` by following: where parameters compensate each other,
+        they give way together.
         """
-        worst, weights = 0.0, np.concatenate([np.full(p.stop - p.start, w)
-                                              for p, w in zip(self.parts, self.weights, strict=True)])  # fmt: skip
-        plain = self._residual(self._own, self.simulator.numbers)
-        noisy = self._residual(self._own, self.simulator.numbers, self._copies[0])
-        moved = self._whitening.white((noisy - plain) / self.noise)
-        for name in self.free:
+        weights = np.concatenate([np.full(p.stop - p.start, w) for p, w in zip(self.parts, self.weights, strict=True)])
+        copy, numbers = self._copies[0], self.simulator.numbers
+        plain, noisy = self._residual(self._own, numbers), self._residual(self._own, numbers, copy)
+        moved, pull = weights * self._whitening.white((noisy - plain) / self.noise), np.zeros(len(self.free))
+        for k, name in enumerate(self.free):
             if name not in self.skews:
                 there = self.numbers({name: SMALL})
-                slopes = [
-                    self._whitening.white((self._residual(self._own, there, channels) - before) / self.noise)
-                    for channels, before in ((None, plain), (self._copies[0], noisy))
-                ]
-                size = float(np.sqrt(weights @ np.square(slopes[0]))) or 1.0
-                worst = max(worst, abs(float(weights @ ((slopes[1] - slopes[0]) * moved))) / size)
-        return worst
+                turned = self._residual(self._own, there, copy) - noisy - self._residual(self._own, there) + plain
+                pull[k] = self._whitening.white(turned / self.noise) @ moved / SMALL
+        information = self.J.T @ (weights[:, None] * self.J)
+        alone = np.square(pull) / np.maximum(np.diag(information), 1e-300)
+        together = pull @ np.linalg.solve(information + TOLERANCE * np.eye(len(pull)), pull)
+        return 0.5 * float(np.max(alone, initial=0.0)), 0.5 * float(together)
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return the relative width of the noise under effects that filter it or follow it; None without any."""
