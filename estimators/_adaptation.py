@@ -81,8 +81,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         Whether another ``fit`` continues the present adaptation.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
-    device : str
-        Where to train, for instance ``"cuda"``.
     random_state : int, RandomState or None
         Seed of the draws.
 
@@ -181,15 +179,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         self.model_ = model
         self._remember(X, y, sample_weight, groups)
         return self
-
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of the target muscle: the adaptation, from the source, to all rows so far.
-
-        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
-        the volume included; beyond, that of a fair sample of the stream. A change of the muscle is not detected here:
-        `pamid.online.ChangeMonitor` does that, and `fit` starts again. Memory does not grow.
-        """
-        return self._partial_fit_rows(X, y, sample_weight, groups)
 
     def _target(self, base: HybridModel) -> HybridModel:
         """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
@@ -373,8 +362,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         DataFrame or ndarray, shape (n_samples, n_columns + 3)
             X with V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) appended, a DataFrame where X is one.
         """
-        check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "model_")
         columns = np.column_stack(jet_of(self.model_, table))
         asked = getattr(self, "_sklearn_output_config", {}).get("transform")
         if isinstance(X, pd.DataFrame) and asked != "default":
@@ -436,6 +424,3 @@ def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
                 ExcitationWarning,
                 stacklevel=5,
             )
-
-
-__all__ = ["AdaptedModel"]

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from ._base import SignalRegressor
 from ._checks import check_sizes
@@ -41,16 +40,8 @@ class BalanceRegressor(LinearTerms, SignalRegressor):
         return self._state(*(self._signal(X, name) for name in self.reads))
 
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the force or drive.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            In N, or in the unit of the drive.
-        """
-        check_is_fitted(self, "coef_")
-        X, _ = self._read(X, reset=False)
-        return self._predict_state(self._signals_of(X))
+        """Predict the force, N, or the drive, in its unit."""
+        return self._predict_state(self._signals_of(self._read_fitted(X, "coef_")))
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the prediction as a formula of the signals, which may be symbols: what an export writes."""

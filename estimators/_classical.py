@@ -54,13 +54,7 @@ class ClassicalRegressor(SignalRegressor):
 
     # --- the way out ------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
-        """Predict what the law says of the fitted volume.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Force in N or mass flow in kg/s.
-        """
+        """Predict what the law says of the fitted volume: force in N or mass flow in kg/s."""
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
         return self._predict_state(state_of(self, X))

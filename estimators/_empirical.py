@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError
@@ -35,12 +34,8 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
 
     Parameters
     ----------
-    rest_length : float
-        L₀, m.
     fixed : mapping of str to float, optional
         Parameters that are held, and their values, SI units.
-    atmospheric_pressure : float
-        Pa, absolute.
     max_iter : int
         Maximum number of evaluations of the model.
 
@@ -188,15 +183,8 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
 
     # --- prediction ---------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the force.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Tension, N.
-        """
-        check_is_fitted(self, "parameters_")
-        table, _ = self._read(X, reset=False)
+        """Predict the tension, N."""
+        table = self._read_fitted(X, "parameters_")
         force = np.asarray(self._force(self.parameters_, state_of(self, table)), dtype=float)
         return np.broadcast_to(force, (len(table),)).copy()
 

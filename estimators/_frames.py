@@ -18,6 +18,23 @@ class TakesFrames:
 
     Its own methods and those of mixins of this package are wrapped, so none is forgotten; scikit-learn's call them.
     A warning's ``stacklevel`` counts the wrapper. A method that takes runs requests them from metadata routing.
+
+    Parameters
+    ----------
+    rest_length : float
+        Rest length L₀ of the muscle, m.
+    rest_diameter : float
+        Rest diameter D₀ of the muscle, m.
+    atmospheric_pressure : float
+        Ambient pressure, Pa, absolute.
+    hidden : int
+        Units of the hidden layer.
+    one_trajectory : bool
+        Whether all rows are one run, where neither groups nor a column says otherwise.
+    device : str
+        Where to train, for instance ``"cuda"``.
+    random_state : int or RandomState, optional
+        Seed of the initial weights.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

@@ -25,13 +25,7 @@ def flow_of(estimator: Any) -> ThermodynamicFlow:
 
 @parameters
 class ForceLaw:
-    """Reads the volume by virtual work; goes left of the volume model.
-
-    Parameters
-    ----------
-    atmospheric_pressure : float
-        Ambient pressure, Pa, absolute.
-    """
+    """Reads the volume by virtual work; goes left of the volume model."""
 
     _: KW_ONLY
     atmospheric_pressure: float = ATMOSPHERIC_PRESSURE

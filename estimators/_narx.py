@@ -6,10 +6,10 @@ import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, field
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import UnstableRunWarning
 from pamid.fitting import free_run
@@ -91,6 +91,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
     """
 
     equations = ("dynamic",)
+    _settings: ClassVar = {"": {}, "one step": {"horizon": 1}}
 
     inputs: Sequence[str] = ("P", "load")
     _: KW_ONLY
@@ -102,10 +103,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
 
     delay: int = field(default=0, init=False)
     alpha: float = field(default=0.0, init=False)
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
-        return {"": {}, "one step": {"horizon": 1}}
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]
@@ -205,18 +202,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
 
     # --- prediction ---------------------------------------------------------------------------------------------
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely, and warn where it had to be held.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs and, if `start` names it, the output before the first row; as in fit.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Output, in the unit of y.
-        """
+        """Simulate each run freely, and warn where it had to be held."""
         return self.simulate(X, groups=groups).told(type(self).__name__, "outputs")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
@@ -225,18 +211,12 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         The output before the first row is the signal `start`, or the mean of the first outputs of the fit. A run that
         leaves the outputs of the fit by more than `margin` of their range is held at that edge and flagged.
 
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, as in fit.
-
         Returns
         -------
         FreeRun
             Outputs and flags.
         """
-        check_is_fitted(self, "start_mean_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "start_mean_")
         slices = trajectory_slices(self._codes(X, table, groups))
         columns = self._signals(table, self.inputs)
         span = 1e-9 * (self.input_high_ - self.input_low_)
@@ -253,8 +233,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, as in fit.
         y : array_like, shape (n_samples,)
             Measured output.
 
@@ -263,7 +241,7 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         ndarray, shape (n_samples,)
             Output one row ahead, in the unit of y.
         """
-        check_is_fitted(self, "start_mean_")
+        self._check_fitted("start_mean_")
         table, y = self._read(X, y, reset=False)
         slices = trajectory_slices(self._codes(X, table, groups))
         z = (np.asarray(column_or_1d(y), dtype=float) - self.output_mean_) / self.output_scale_

@@ -7,7 +7,6 @@ from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
 from pamid.fitting.epochs import local_generator, standardisation
@@ -37,8 +36,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
 
     Parameters
     ----------
-    hidden : int
-        Units of the hidden layer.
     alpha : float
         Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     max_iter : int
@@ -49,8 +46,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
         Initial weights tried for a few steps; the best are trained further.
     forget_rows : float, optional
         Rows over which `partial_fit` forgets; by default all rows count alike.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
 
     Attributes
     ----------
@@ -296,8 +291,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
     # --- answers ------------------------------------------------------------------------------------------------
     def _answer(self, X: Any, groups: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return the network's bare answer (n, n_outputs) and which rows lie outside the data of the fit."""
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "weights_")
         x = (self._columns(X, table, groups) - self.input_mean_) / self.input_scale_
         return forward(self.weights_, x) * self.target_scale_ + self.target_mean_, self._outside(x)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils import check_random_state
@@ -10,7 +10,6 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.effects import Effect
 from pamid.errors import IncompatibleError
-from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
@@ -41,9 +40,9 @@ from ._trajectories import trajectory_codes
 class HybridModel(LawModel, HybridParameters):
     """Base of the hybrid estimators; a subclass names its laws."""
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
-        return {"": {}, "published network": {"volume_model": "neural"}}
+    _settings: ClassVar = {"": {}, "published network": {"volume_model": "neural"}}
+    _small: ClassVar[dict[str, Any]] = {"volume_model": "neural", "hidden_layer_sizes": (6,)}
+    _checked = (_small | {"max_iter": 8}, _small | {"trainer": "adam", "max_iter": 20, "batch_size": 4096})
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
@@ -135,21 +134,14 @@ class HybridModel(LawModel, HybridParameters):
         self.validation_curve_ = result.validation_curve
         self._tell_status(result.status)
 
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream: the fit of all rows so far.
-
-        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them; beyond,
-        that of a fair sample that stands for the whole stream. A call costs no more than a fit to the memory, which
-        does not grow. A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit`
-        starts again.
-        """
+    def _partial_fit_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Self:
         if self.effects:
             raise IncompatibleError(
                 "The model has effects with memory, but partial_fit remembers single rows.",
                 "whole runs, in one fit",
                 "Fit again on all runs.",
             )
-        return self._partial_fit_rows(X, y, sample_weight, groups)
+        return super()._partial_fit_rows(X, y, sample_weight, groups)
 
     def _trainer(self) -> Any:
         from sklearn.base import clone
@@ -212,12 +204,3 @@ class HybridModel(LawModel, HybridParameters):
         """Number of trained parameters of the network."""
         check_is_fitted(self, "weights_")
         return int(sum(w.size for w in self.weights_))
-
-    @classmethod
-    def _checked_instances(cls) -> list[Any]:
-        one = dict.fromkeys(STATE_SIGNALS, 0)
-        common: dict[str, Any] = {"volume_model": "neural", "hidden_layer_sizes": (6,), "signals": one}
-        return [cls(max_iter=8, **common), cls(trainer="adam", max_iter=20, batch_size=4096, **common)]
-
-
-__all__ = ["HybridModel"]

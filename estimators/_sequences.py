@@ -45,8 +45,6 @@ class SequenceMixin(SequenceScore):
 
     Parameters
     ----------
-    one_trajectory : bool
-        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
         Position of the column that names the runs, for arrays that have no names: a change of its value begins a
         new run.

@@ -174,11 +174,6 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
             What the regressor reads.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            The regressor's prediction.
         """
         check_is_fitted(self, "estimator_")
         if plain_table(self, X) is None:

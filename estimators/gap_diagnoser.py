@@ -71,8 +71,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     sense : "auto", 1 or -1, default="auto"
         1 where y is what an actuator delivers, from which friction subtracts; -1 where y is the driving force, to which
         friction adds. "auto" takes the one that explains clearly more, and 1 with a plant.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
     learned_remainder : bool, default=False
         Whether `predict` also adds a nonparametric function of the signals, fitted to what the causes leave, see
         `pamid.gap.learned`; with the verdict ``"unknown"`` that is the whole gap. It explains nothing, and holds for
@@ -118,10 +116,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Share of the gap beyond the noise that this learner predicts.
     signal_columns_ : dict of str to int
         Column of each role.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray
-        Their names, if X was a DataFrame with text names.
 
     See Also
     --------
@@ -173,15 +167,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             Signals, and whatever the nominal model reads.
         y : array_like, shape (n_samples,)
             Measured target.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; without it a column ``trajectory`` serves.
         where : array_like of bool, shape (n_samples,), optional
             Rows that count, such as those of a muscle under tension; windows with any other are left out.
-
-        Returns
-        -------
-        GapDiagnoser
-            Itself, fitted.
 
         Raises
         ------
@@ -232,15 +219,18 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         groups : array_like, shape (n_samples,), optional
             Run of each row; without it a column ``trajectory`` serves, and without both the log is one
             run.
-
-        Returns
-        -------
-        GapDiagnoser
-            Itself, fitted.
         """
         return self._partial_fit_rows(X, y, None, groups)
 
     _memory_rows: ClassVar[int | None] = 100_000
+    _checked = (
+        {
+            "effects": ("viscous_friction", "bladder_elasticity", "force_bias"),
+            "signals": {"position": 0, "velocity": 0},
+            "one_trajectory": True,
+            "random_state": 0,
+        },
+    )
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         return self._codes(X, groups)
@@ -376,9 +366,3 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         """Put the verdict before scikit-learn's picture of the estimator."""
         picture = str(super()._repr_html_inner())
         return spoken(self.verdict_, self.causes_) + picture if hasattr(self, "findings_") else picture
-
-    @staticmethod
-    def _checked_instances() -> list[GapDiagnoser]:
-        roles = {"position": 0, "velocity": 0}
-        library = ("viscous_friction", "bladder_elasticity", "force_bias")
-        return [GapDiagnoser(effects=library, signals=roles, one_trajectory=True, random_state=0)]

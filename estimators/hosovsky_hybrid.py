@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -60,6 +60,9 @@ class HosovskyHybrid(EmpiricalForce):
 
     _nonlinear = ("a3",)
     reads = ("eps", "deps", "P")
+    # with one column for all three signals only the other terms are distinguishable
+    _apart: ClassVar = dict.fromkeys(("a1", "a4", "a5", "b1", "b0"), 0.0)
+    _checked = ({"fixed": _apart, "atmospheric_pressure": 0.0, "max_iter": 20},)
 
     def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length")
@@ -86,10 +89,3 @@ class HosovskyHybrid(EmpiricalForce):
         static = (values["a1"] * p + values["a2"]) * decay + values["a4"] * p * state.eps + values["a5"] * p
         damping = (values["b0"] + values["b1"] * p) * self.rest_length * state.deps
         return static + values["a6"] - damping
-
-    @staticmethod
-    def _checked_instances() -> list[HosovskyHybrid]:
-        # with one column for all three signals only these terms are distinguishable
-        apart = dict.fromkeys(("a1", "a4", "a5", "b1", "b0"), 0.0)
-        one = {"eps": 0, "deps": 0, "P": 0}
-        return [HosovskyHybrid(signals=one, fixed=apart, atmospheric_pressure=0.0, max_iter=20)]

@@ -9,7 +9,6 @@ from typing import Any, Self
 
 import numpy as np
 from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExtrapolationWarning
 from pamid.requirements import check_reads, formulas_of, reads_of
@@ -186,17 +185,12 @@ class InvertedForce(Streaming, SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Return the pressure that brings the desired force about.
+        """Return the absolute pressure, Pa, within the limits, that brings the desired force about.
 
         Parameters
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Wanted ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Absolute pressure, Pa, within the limits.
         """
         return answer_within(*self.assess(X), self.on_unreachable, type(self).__name__)
 
@@ -214,9 +208,7 @@ class InvertedForce(Streaming, SignalRegressor):
             Pressure (Pa, absolute) and flags: ``saturated`` where there is no root, ``extrapolated`` where the
             contraction or the answer lies outside those of the fit.
         """
-        if "model_" not in vars(self):  # a row is answered in less time than the check takes
-            check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "model_")
         if len(table) <= _CHUNK:
             return self._roots(table)
         parts = [self._roots(table[k : k + _CHUNK]) for k in range(0, len(table), _CHUNK)]

@@ -7,7 +7,6 @@ from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.errors import UnknownOptionError
@@ -70,6 +69,7 @@ class LawRegressor(SignalRegressor):
     temperature: float = TEMPERATURE
 
     reads: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
+    _checked = ({}, {"law": "thermodynamic"})
 
     def laws(self) -> tuple[Law]:
         """Return the law that is applied.
@@ -111,20 +111,8 @@ class LawRegressor(SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Apply the law.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle, its volume and the volume's derivatives.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Force (N) or mass flow (kg/s).
-        """
-        check_is_fitted(self, "signal_columns_")
-        table, _ = self._read(X, reset=False)
+        """Apply the law: force in N or mass flow in kg/s."""
+        table = self._read_fitted(X, "signal_columns_")
         state = State(*(self._signal(table, name) for name in STATE_SIGNALS))
         V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
         return np.asarray(self.laws()[0].predict(V, V_eps, V_P, state))
@@ -133,8 +121,3 @@ class LawRegressor(SignalRegressor):
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         law, state = self.laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
         return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
-
-    @classmethod
-    def _checked_instances(cls) -> list[LawRegressor]:
-        one = dict.fromkeys(cls.reads, 0)
-        return [cls(signals=one), cls("thermodynamic", signals=one)]

@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 import pandas as pd
 from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
+from sklearn.utils.validation import column_or_1d, has_fit_parameter
 
 from pamid.constants import GRAVITY
 from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError
@@ -48,8 +48,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
     ----------
     model : estimator, optional
         Force model of single rows of ``eps``, ``P`` and perhaps ``deps``, ``dP``; `ThreeElement` by default.
-    rest_length : float, default=0.2
-        L₀, m.
     load : str or float, default="load"
         Signal of the load M, kg, or one load for all rows.
     time : str or None, default="time"
@@ -185,27 +183,11 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
         return self
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely, and warn where it had to be held.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Time, pressure and load, as in fit, and the signal `start` if there is one.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Contraction ratio.
-        """
+        """Simulate the contraction ratio of each run freely, and warn where it had to be held."""
         return self.simulate(X, groups=groups).told(type(self).__name__, "contractions")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
         """Simulate all runs freely, side by side.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            As in `predict`.
 
         Returns
         -------
@@ -213,8 +195,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
             Contractions, rows at which a run was held at the edge of those of the fit, and rows whose pressure lies
             outside the fit.
         """
-        check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "model_")
         slices = trajectory_slices(self._codes(X, table, groups))
         slices.sort(key=lambda s: s.start - s.stop)  # the longest first: those that still run are then the first ones
         t, P, M = self._motion(table, slices)

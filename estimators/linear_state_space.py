@@ -104,6 +104,8 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
     start: str | None = None
 
     equations = ("dynamic",)
+    # each row a run of its own, as predictions must not change with the order of rows
+    _checked = ({"inputs": ("x",), "max_order": 2, "block_rows": 3, "trajectory_column": 0},)
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
@@ -172,20 +174,8 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
         return min(found, key=lambda r: r.criterion) if self.order == "auto" else found[-1]
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs and, if `start` names it, the output before the first row; as in fit.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Output, in the unit of y.
-        """
-        check_is_fitted(self)
-        table, _ = self._read(X, reset=False)
+        """Simulate each run freely."""
+        table = self._read_fitted(X, "A_")
         u = (self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_
         out = np.empty(len(u))
         for rows in trajectory_slices(self._codes(X, table, groups)):
@@ -223,12 +213,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
         B, size = self.B_ / self.input_scale_, self.output_scale_
         D = (size * self.D_ / self.input_scale_)[None]
         return control.StateSpace(self.A_, B, size * self.C_[None], D, sampling_interval)
-
-    @staticmethod
-    def _checked_instances() -> list[LinearStateSpace]:
-        # each row a run of its own, as predictions must not change with the order of rows
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
-        return [LinearStateSpace(("x",), max_order=2, block_rows=3, **one)]
 
 
 def _most_rows(slices: list[slice], n_inputs: int) -> int:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
@@ -113,6 +112,9 @@ class MLP(Streaming, PlainNetwork):
     patience: int = 30
     tol: float = 1e-5
 
+    _small: ClassVar[dict[str, Any]] = {"hidden": (3,), "max_iter": 4, "random_state": 0}
+    _checked = (_small, _small | {"inputs": ("x",), "activation": "softplus", "optimizer": "lbfgs", "alpha": 1e-4})
+
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Train the network from new weights.
 
@@ -157,9 +159,7 @@ class MLP(Streaming, PlainNetwork):
 
     def predict(self, X: Any) -> np.ndarray:
         """Evaluate the network."""
-        check_is_fitted(self, "weights_")
-        X, _ = self._read(X, reset=False)
-        columns = self._signals(X, self.inputs)
+        columns = self._signals(self._read_fitted(X, "weights_"), self.inputs)
         result = np.empty(len(columns))
         for start in range(0, len(columns), _CHUNK):
             chunk = slice(start, start + _CHUNK)
@@ -313,11 +313,3 @@ class MLP(Streaming, PlainNetwork):
             callback=after_iteration,
             options={"maxiter": epochs, "maxcor": 20, "ftol": 1e-15, "gtol": 1e-9, "maxfun": 10**9},
         )
-
-    @staticmethod
-    def _checked_instances() -> list[MLP]:
-        small: dict[str, Any] = {"hidden": (3,), "random_state": 0}
-        return [
-            MLP(signals=dict.fromkeys(("eps", "P", "dP"), 0), max_iter=4, **small),
-            MLP(("x",), signals={"x": 0}, activation="softplus", optimizer="lbfgs", alpha=1e-4, max_iter=4, **small),
-        ]

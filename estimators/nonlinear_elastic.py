@@ -55,6 +55,7 @@ class NonlinearElastic(EmpiricalForce):
 
     _nonlinear = ("contraction",)
     reads = ("eps", "P")
+    _checked = ({"max_iter": 20},)
 
     def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "rest_length")
@@ -75,7 +76,3 @@ class NonlinearElastic(EmpiricalForce):
         p = self._gauge(state)
         s = self.rest_length * (values["contraction"] - state.eps)
         return (values["c0"] + values["c1"] * s * s + values["c2"] * p * s + values["c3"] * p * p) * s
-
-    @staticmethod
-    def _checked_instances() -> list[NonlinearElastic]:
-        return [NonlinearElastic(signals={"eps": 0, "P": 0}, max_iter=20)]

@@ -59,8 +59,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Whether to append the second rates too, as ``ddx``.
     sampling_period : float or None, default=None
         Time between rows, s, where there is no time column.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither `groups` nor a column ``trajectory`` names them.
 
     Attributes
     ----------
@@ -136,8 +134,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             Table whose rows are samples in time order, run by run.
         y : None
             Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
 
         Raises
         ------
@@ -220,8 +216,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         ----------
         X : DataFrame or array_like, shape (n_samples, n_features)
             Table whose rows are samples in time order, run by run.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
 
         Returns
         -------

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
@@ -132,6 +132,14 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
     patience: int = 20
     tol: float = 1e-4
 
+    # scikit-learn's checks ask for predictions that do not change with the order of rows; what has a memory gives
+    # them only where each row is a run of its own, which the values of the first column make it
+    _small: ClassVar[dict[str, Any]] = {
+        "inputs": ("x",), "trajectory_column": 0, "hidden": 2, "window": 4, "burn_in": 2, "max_iter": 2,
+        "random_state": 0,
+    }  # fmt: skip
+    _checked = (_small, _small | {"cell": "lstm", "layers": 2, "segment_length": None})
+
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Train the network from new weights.
 
@@ -213,8 +221,7 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units, in time order within each run.
         """
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "weights_")
         pieces = pieces_of(trajectory_slices(self._codes(X, table, groups)), None)
         inputs, _ = self._scaled(self._signals(table, self.inputs), None)
         outputs = self._run(self._network(self.weights_), inputs, pieces)
@@ -301,13 +308,3 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
                     outputs, state = network.run(inputs[torch.as_tensor(table[:, here], device=inputs.device)], state)
                 result[table[:, here][real[:, here]]] = outputs.cpu().numpy()[real[:, here]]
         return result
-
-    @staticmethod
-    def _checked_instances() -> list[Recurrent]:
-        # scikit-learn's checks ask for predictions that do not change with the order of rows; what has a memory gives
-        # them only where each row is a run of its own, which the values of the first column make it
-        small: dict[str, Any] = {
-            "signals": {"x": 0}, "trajectory_column": 0, "hidden": 2, "window": 4, "burn_in": 2, "max_iter": 2,
-            "random_state": 0,
-        }  # fmt: skip
-        return [Recurrent(("x",), **small), Recurrent(("x",), cell="lstm", layers=2, segment_length=None, **small)]

@@ -8,7 +8,6 @@ from typing import Any, Self
 
 import numpy as np
 from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
@@ -43,8 +42,6 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         Force model of single rows; ``GeometricForce("tondu_lopez")`` by default.
     inputs : sequence of str, default=("eps", "deps", "P", "dP")
         Signals that the network reads.
-    hidden : int, default=12
-        Units of the hidden layer.
     vanishing : bool, default=True
         Whether the network's share vanishes with the gauge pressure.
     alpha : float, default=0.3
@@ -55,10 +52,6 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int, default=3
         Initial weights tried for a few steps; the best are trained further.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
 
     Attributes
     ----------
@@ -205,12 +198,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the force.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Tension, N.
+        """Predict the tension, N.
 
         Warns
         -----
@@ -218,8 +206,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
             If samples lie outside the range of the fit: the network is not anchored to anything there, and extrapolates
             no better than a network alone. `StaticPIHM` falls back on its geometry.
         """
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "weights_")
         inputs = self._signals(table, self.inputs)
         warn_outside(inputs, getattr(self, "input_range_", None), self.inputs, stacklevel=4)
         x = (inputs - self.input_mean_) / self.input_scale_
@@ -229,18 +216,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         return np.asarray(self.model_.predict(self._model_table(table)), dtype=float) + share
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output; empty if the force model inside has no formula.
-        """
+        """Return the predictions as formulas of the signals, as an export writes them; none if `model` has none."""
         known_by = formulas_of(self.model_, signals)
         if not known_by:
             return {}

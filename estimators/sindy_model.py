@@ -54,8 +54,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         Column of the time (s), by name or position; read only if there is no sampling period.
     smoothing_window : int, default=11
         Rows of the smoothing before differentiation, odd; below 5 nothing is smoothed.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
 
     Attributes
     ----------
@@ -67,10 +65,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         The dynamics, written out.
     scaled_coef_ : ndarray, shape (n_states, n_terms)
         Coefficients for signals in units of `signal_scales_`.
-    factor_ : ndarray
-        Triangular factor of terms and rates over all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Number of rows seen.
 
     See Also
     --------
@@ -104,6 +98,11 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
     time: str | int = "time"
     smoothing_window: int = 11
     one_trajectory: bool = False
+
+    _checked = (
+        {"states": ("x",), "inputs": (), "sampling_period": 0.1, "smoothing_window": 5, "one_trajectory": True},
+        {"inputs": ("eps",), "sampling_period": 1.0, "degree": 1, "one_trajectory": True},
+    )
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
@@ -180,9 +179,7 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         ndarray, shape (n_samples,) or (n_samples, n_states)
             Rates, in the states' units per second; one-dimensional for one state.
         """
-        check_is_fitted(self)
-        columns, _ = self._read(X, reset=False)
-        rates = self._evaluate(self._signals(columns, self.reads))
+        rates = self._evaluate(self._signals(self._read_fitted(X, "coef_"), self.reads))
         return rates[:, 0] if rates.shape[1] == 1 else rates
 
     def score(self, X: Any, y: Any = None, sample_weight: Any = None, groups: Any = None) -> float:
@@ -355,12 +352,3 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
             "a sampling period in s, or a column of times",
             "Set sampling_period=, or time= to the column of times.",
         )
-
-    @staticmethod
-    def _checked_instances() -> list[SINDyModel]:
-        return [
-            SINDyModel(("x",), (), signals={"x": 0}, sampling_period=0.1, smoothing_window=5, one_trajectory=True),
-            SINDyModel(
-                ("P",), ("eps",), signals={"P": 0, "eps": 0}, sampling_period=1.0, degree=1, one_trajectory=True
-            ),
-        ]

@@ -58,6 +58,7 @@ class StaticForceMap(EmpiricalForce):
 
     _nonlinear = ("braid_angle", "thread_compliance")
     reads = ("eps", "P")
+    _checked = ({"max_iter": 20},)
 
     def _declared(self) -> dict[str, FitParameter]:
         check_positive(self, "atmospheric_pressure")
@@ -88,7 +89,3 @@ class StaticForceMap(EmpiricalForce):
             - values["radial_stiffness"] * (delta - 1.0) * slope
             + values["preload"]
         )
-
-    @staticmethod
-    def _checked_instances() -> list[StaticForceMap]:
-        return [StaticForceMap(signals={"eps": 0, "P": 0}, max_iter=20)]

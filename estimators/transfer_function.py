@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -84,9 +84,8 @@ class TransferFunction(NARXRegressor):
     delay: int = 0
     horizon: int = 1000
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
+    _settings: ClassVar = {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
+    _checked = ({"inputs": ("x",), "n_poles": 1, "n_zeros": 0, "horizon": 4, "max_iter": 3, "trajectory_column": 0},)
 
     @property
     def output_lags(self) -> int:
@@ -171,12 +170,6 @@ class TransferFunction(NARXRegressor):
         numerator = np.concatenate([np.zeros(int(self.delay)), b])
         pad = [np.concatenate([x, np.zeros(size - len(x))]) for x in (numerator, a)]
         return control.TransferFunction(*pad, sampling_interval)
-
-    @staticmethod
-    def _checked_instances() -> list[TransferFunction]:
-        # each row a run of its own, as predictions must not change with the order of rows
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
-        return [TransferFunction(("x",), n_poles=1, n_zeros=0, horizon=4, max_iter=3, **one)]
 
 
 def _with_one(phi: np.ndarray) -> np.ndarray:
