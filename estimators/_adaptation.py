@@ -34,11 +34,11 @@ from ._hybrid_fit import (
     without_repeats,
 )
 from ._hybrid_use import jet_of
-from ._law_model import LawModel
+from ._laws import LawModel
 from ._parameters import parameters
 from ._pihm import HybridModel
 from ._progress import fit_progress
-from ._source import hybrid_of
+from ._source import hybrid_of, tiny_source
 from ._trajectories import trajectory_codes
 from ._typed import TransformerMixin
 
@@ -386,8 +386,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     @classmethod
     def _tiny(cls, **settings: Any) -> Self:
         """Return an adapter of a small source, for the checks that all estimators pass."""
-        from ._tiny_source import tiny_source
-
         return cls(tiny_source(), signals=dict.fromkeys(STATE_SIGNALS, 0), **settings)
 
     @classmethod

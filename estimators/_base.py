@@ -15,8 +15,7 @@ from pamid.errors import MissingColumnError, ParameterError, ShapeError
 from pamid.signals.state import STATE_SIGNALS, State
 
 from ._checks import check_squares, row_weights
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._trajectories import TRAJECTORY, encode_text_columns
 from ._typed import BaseEstimator, RegressorMixin
 

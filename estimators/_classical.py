@@ -1,4 +1,4 @@
-"""What the classical estimators share: signals in, a law over a fitted volume model, a volume out."""
+"""What the classical estimators share: named parameters, signals in, a law over a fitted volume model, a volume out."""
 
 from __future__ import annotations
 
@@ -18,6 +18,42 @@ from pamid.volume import VolumeJet, check_volume
 
 from ._base import SignalRegressor, state_of
 from ._trajectories import trajectory_codes
+
+
+class BoundedFit:
+    """Parameters by name, each fitted or held, with units and errors.
+
+    Parameters
+    ----------
+    max_iter : int
+        Maximum number of evaluations of the model.
+
+    Attributes
+    ----------
+    parameters_ : dict of str to float
+        Every parameter, fitted or held, SI units.
+    standard_errors_ : dict of str to float
+        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
+        on a bound. With `groups`, cluster-robust.
+    units_ : dict of str to str
+        Their units.
+    fitted_names_ : list of str
+        The parameters that were fitted, in the order of `covariance_`.
+    covariance_ : ndarray, shape (n_fitted, n_fitted)
+        Covariance of the fitted parameters.
+    at_bound_ : list of str
+        Fitted parameters that lie on a bound.
+    n_iter_ : int
+        Evaluations used.
+    """
+
+    fitted_names_: list[str]
+
+    @property
+    def n_parameters_(self) -> int:
+        """Number of fitted parameters."""
+        check_is_fitted(self, "fitted_names_")
+        return len(self.fitted_names_)
 
 
 class ClassicalRegressor(SignalRegressor):

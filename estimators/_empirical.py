@@ -17,8 +17,7 @@ from pamid.signals.state import State
 from pamid.volume import FitParameter
 
 from ._base import SignalRegressor, state_of
-from ._bounded_fit import BoundedFit
-from ._classical import warn_of_still_signals
+from ._classical import BoundedFit, warn_of_still_signals
 from ._parameters import parameters
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -36,8 +35,6 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
     ----------
     fixed : mapping of str to float, optional
         Parameters that are held, and their values, SI units.
-    max_iter : int
-        Maximum number of evaluations of the model.
 
     Attributes
     ----------

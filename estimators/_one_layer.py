@@ -1,4 +1,4 @@
-"""What `InverseModel` and `ForwardModel` share: one hidden layer, its fit, and where it had data."""
+"""Networks of one hidden layer: their fit, and where `InverseModel` and `ForwardModel` had data."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pamid.fitting.stream_memory import Rows
 from ._base import SignalRegressor
 from ._checks import check_counts, check_sizes, row_weights, warn_of_still_columns
 from ._parameters import parameters
-from ._progress import ProgressMixin, fit_progress
+from ._progress import ProgressMixin, descend
 from ._sequences import SequenceMixin, last_direction
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -31,19 +31,61 @@ _SLOW = 5  # steps without improvement that end a training
 
 
 @parameters
-class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor):
-    """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs.
+class OneLayerNetwork(ProgressMixin):
+    """A network of one hidden layer, trained by Levenberg–Marquardt from the best of some initial weights.
 
     Parameters
     ----------
-    alpha : float
-        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     max_iter : int
         Maximum number of Levenberg–Marquardt steps.
     tol : float
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int
         Initial weights tried for a few steps; the best are trained further.
+    """
+
+    _: KW_ONLY
+    hidden: int = 10
+    alpha: float = 0.01
+    max_iter: int = 200
+    tol: float = 1e-5
+    n_starts: int = 3
+    random_state: Any = None
+
+    weights_: dict[str, np.ndarray] = field(init=False)
+
+    def _check_network(self) -> None:
+        check_counts(self, "hidden", "max_iter", "n_starts")
+        check_sizes(self, alpha=0.0, tol=0.0)
+
+    def _train(self, x: np.ndarray, z: np.ndarray, weight: np.ndarray, data: tuple[Any, Any], per: float) -> None:
+        """Train on scaled rows; the loss is told per unit of weight."""
+        rng = local_generator(self.random_state)
+        shape = (x.shape[1], int(self.hidden), z.shape[1])
+        starts = [initial_weights(rng, *shape) for _ in range(int(self.n_starts))]
+        trials = [marquardt_on_rows(w, x, z, weight, float(self.alpha)) for w in starts]
+        if len(trials) > 1:  # a few steps from each start, then on from the best
+            for trial in trials:
+                for _ in range(_CANDIDATE_STEPS):
+                    if not trial.step():
+                        break
+        best = min(trials, key=lambda t: t.loss)
+
+        def weights() -> dict[str, Any]:
+            return {"weights_": unflatten(best.x, *shape)}
+
+        descend(self, best, data, per=per, patience=_SLOW, attributes=weights, stacklevel=7)
+        self.weights_ = unflatten(best.x, *shape)
+
+
+@parameters
+class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegressor):
+    """A network of one hidden layer; subclasses name inputs and outputs.
+
+    Parameters
+    ----------
+    alpha : float
+        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     forget_rows : float, optional
         Rows over which `partial_fit` forgets; by default all rows count alike.
 
@@ -70,15 +112,9 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
 
     inputs: Sequence[str] = ()
     _: KW_ONLY
-    hidden: int = 10
     direction: bool = False
     direction_step: float = 1e5
-    alpha: float = 0.01
-    max_iter: int = 200
-    tol: float = 1e-5
-    n_starts: int = 3
     forget_rows: float | None = None
-    random_state: Any = None
 
     cells_: np.ndarray = field(init=False)
     input_low_: np.ndarray = field(init=False)
@@ -110,35 +146,12 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
             If the direction of motion is asked for and nothing names the runs.
         """
         self._check_parameters()
-        rng = local_generator(self.random_state)
         columns, target, weight = self._table(X, y, sample_weight, groups, reset=True)
         used = weight > 0
         warn_of_still_columns(columns[:, : len(self.inputs)], self.inputs, type(self).__name__)
         self._set_scales(columns[used], target[used], weight[used])
         x, z = self._scaled(columns[used], target[used])
-        share = weight[used]
-        shape = (x.shape[1], int(self.hidden), z.shape[1])
-        starts = [initial_weights(rng, *shape) for _ in range(int(self.n_starts))]
-        trials = [marquardt_on_rows(w, x, z, share, float(self.alpha)) for w in starts]
-        if len(trials) > 1:  # a few steps from each start, then on from the best
-            for trial in trials:
-                for _ in range(_CANDIDATE_STEPS):
-                    if not trial.step():
-                        break
-        best = min(trials, key=lambda t: t.loss)
-        total = float(share.sum())
-        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
-            slow = 0
-            for _ in progress:
-                before = best.loss
-                moved = best.step()
-                progress.report(best.loss / total, attributes=lambda: {"weights_": unflatten(best.x, *shape)})
-                slow = slow + 1 if best.loss > before * (1.0 - float(self.tol)) else 0
-                if not moved or slow >= _SLOW:
-                    break
-        self.weights_ = unflatten(best.x, *shape)
-        self.loss_curve_ = progress.losses
-        self.n_iter_ = max(progress.n_epochs, 1)
+        self._train(x, z, weight[used], (X, y), float(weight[used].sum()))
         self._remember(X, y, sample_weight, groups)
         return self
 
@@ -235,8 +248,8 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
 
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:
-        check_counts(self, "hidden", "max_iter", "n_starts")
-        check_sizes(self, alpha=0.0, tol=0.0, direction_step=1e-12)
+        self._check_network()
+        check_sizes(self, direction_step=1e-12)
         if self.forget_rows is not None:
             check_sizes(self, forget_rows=1.0)
         if self.direction and self._turning not in self.inputs:

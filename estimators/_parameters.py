@@ -1,10 +1,15 @@
-"""What methods of estimators have in common, for the docstrings of those of the same name."""
+"""What all estimators have in common: entries of docstrings, data frames of other libraries, requests for runs."""
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
 from typing import Any
 
+from pamid.explained import explain_methods
 from pamid.explained import parameters as parameters
+from pamid.signals.frames import as_pandas, is_foreign
 
 
 class Methods:
@@ -72,3 +77,58 @@ class Methods:
         dict of str to (str, array or symbol)
             Unit and value of each output.
         """
+
+
+class TakesFrames:
+    """Base of estimators whose methods of X take data frames of other libraries.
+
+    Its own methods and those of mixins of this package are wrapped, so none is forgotten; scikit-learn's call them.
+    A warning's ``stacklevel`` counts the wrapper. A method that takes runs requests them from metadata routing.
+
+    Parameters
+    ----------
+    rest_length : float
+        Rest length L₀ of the muscle, m.
+    rest_diameter : float
+        Rest diameter D₀ of the muscle, m.
+    atmospheric_pressure : float
+        Ambient pressure, Pa, absolute.
+    hidden : int
+        Units of the hidden layer.
+    one_trajectory : bool
+        Whether all rows are one run, where neither groups nor a column says otherwise.
+    device : str
+        Where to train, for instance ``"cuda"``.
+    random_state : int or RandomState, optional
+        Seed of the initial weights.
+    """
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        for name in ("fit", "partial_fit", "predict", "score", "transform"):
+            if "groups" in inspect.signature(getattr(cls, name, _no_method)).parameters:
+                setattr(cls, f"__metadata_request__{name}", {"groups": True})
+        super().__init_subclass__(**kwargs)
+        for name in [n for n in dir(cls) if not n.startswith("_")]:
+            method = inspect.getattr_static(cls, name)
+            if inspect.isfunction(method) and _reads_table(method):
+                setattr(cls, name, _of_any_frame(method))
+        explain_methods(cls, Methods)
+
+
+def _no_method() -> None:
+    """Stand for a method that an estimator does not have."""
+
+
+def _reads_table(method: Callable[..., Any]) -> bool:
+    """Return whether a method of this package has X as first parameter and is not wrapped yet."""
+    own = method.__module__.startswith("pamid.") and not getattr(method, "takes_frames", False)
+    return own and [*inspect.signature(method).parameters][1:2] == ["X"]
+
+
+def _of_any_frame(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def taking_frames(self: Any, X: Any, *args: Any, **kwargs: Any) -> Any:
+        return method(self, as_pandas(X) if is_foreign(X) else X, *args, **kwargs)
+
+    taking_frames.takes_frames = True  # type: ignore[attr-defined]
+    return taking_frames

@@ -32,7 +32,7 @@ from ._hybrid_fit import (
     without_repeats,
 )
 from ._hybrid_use import jet_of, network_of, predicted
-from ._law_model import LawModel
+from ._laws import LawModel
 from ._progress import fit_progress
 from ._trajectories import trajectory_codes
 
@@ -42,7 +42,10 @@ class HybridModel(LawModel, HybridParameters):
 
     _settings: ClassVar = {"": {}, "published network": {"volume_model": "neural"}}
     _small: ClassVar[dict[str, Any]] = {"volume_model": "neural", "hidden_layer_sizes": (6,)}
-    _checked = (_small | {"max_iter": 8}, _small | {"trainer": "adam", "max_iter": 20, "batch_size": 4096})
+    _checked: ClassVar[tuple[dict[str, Any], ...]] = (
+        _small | {"max_iter": 8},
+        _small | {"trainer": "adam", "max_iter": 20, "batch_size": 4096},
+    )
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:

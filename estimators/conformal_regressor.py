@@ -15,8 +15,7 @@ from sklearn.utils.validation import _num_samples, check_consistent_length, chec
 from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterError
 
 from ._base import SignalEstimator, plain_table
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import encode_text_columns, trajectory_codes
 from ._typed import BaseEstimator, MetaEstimatorMixin, RegressorMixin

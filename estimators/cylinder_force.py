@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 
-from ._balance import BalanceRegressor
+from ._linear import BalanceRegressor
 from ._parameters import parameters
 
 

@@ -20,9 +20,18 @@ from pamid.names import require_one_of
 from pamid.simulators.problem import Problem
 
 from ._base import SignalEstimator, Signals
-from ._gap_model import hybrid_with
-from ._gap_signals import EQUATIONS, located, read_by, run_names, spoken, values_of
-from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
+from ._gap import (
+    EQUATIONS,
+    diagnosis_of,
+    hybrid_with,
+    is_simulator,
+    located,
+    predict_simulator,
+    read_by,
+    run_names,
+    spoken,
+    values_of,
+)
 from ._parameters import parameters
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming

@@ -8,16 +8,16 @@ from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
-from sklearn.base import clone
 
 from pamid.errors import ExtrapolationWarning
-from pamid.requirements import check_reads, formulas_of, reads_of
+from pamid.requirements import check_reads, formulas_of
 from pamid.signals.state import State
 
 from ._base import SignalRegressor
-from ._checks import check_counts, check_option, fit_arguments
+from ._checks import check_counts, check_option
+from ._inside import ForceInside, state_table
 from ._parameters import parameters
-from ._streaming import Streaming, forget
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
 
@@ -52,7 +52,7 @@ def narrowed(
 
 
 @parameters
-class InvertedForce(Streaming, SignalRegressor):
+class InvertedForce(Streaming, ForceInside, SignalRegressor):
     r"""Inverse of a force model by bounded root finding: the pressure at which it gives the desired force.
 
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
@@ -77,8 +77,6 @@ class InvertedForce(Streaming, SignalRegressor):
 
     Attributes
     ----------
-    model_ : estimator
-        The fitted force model.
     pressure_low_, pressure_high_ : float
         Range of pressure of the fit, Pa.
     eps_low_, eps_high_ : float
@@ -132,15 +130,10 @@ class InvertedForce(Streaming, SignalRegressor):
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("F", "eps", *(("deps",) if "deps" in self._read_by_model() else ()))
 
-    def _own_model(self) -> Any:
-        if self.model is not None:
-            return self.model
+    def _default_model(self) -> Any:
         from .geometric_force import GeometricForce
 
         return GeometricForce()
-
-    def _read_by_model(self) -> tuple[str, ...]:
-        return reads_of(self._own_model(), ("eps", "P"))
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Fit the force model, and note the range of the pressure.
@@ -174,10 +167,8 @@ class InvertedForce(Streaming, SignalRegressor):
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, pressure, weight = self._read_weighted(X, y, sample_weight, reset=True)
         eps, deps = self._motion(table)
-        self.model_ = clone(model)
-        given = fit_arguments(self.model_, None if sample_weight is None else weight, clusters)
-        self.model_.fit(self._inputs(eps, deps, pressure), self._signal(table, "F"), **given)
-        forget(self.model_)
+        given = None if sample_weight is None else weight
+        self._fit_inside(self._inputs(eps, deps, pressure), self._signal(table, "F"), given, clusters)
         self._remember(X, y, sample_weight, groups)
         used = weight > 0
         self.pressure_low_, self.pressure_high_ = float(pressure[used].min()), float(pressure[used].max())
@@ -265,16 +256,11 @@ class InvertedForce(Streaming, SignalRegressor):
 
     def _inputs(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> Any:
         """Return the table that the force model reads."""
-        import pandas as pd
+        return state_table(self._read_by_model(), eps, deps, P, np.zeros_like(P))
 
-        columns = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
-        return pd.DataFrame({name: columns[name] for name in self._read_by_model()})
-
-    @staticmethod
-    def _checked_instances() -> list[InvertedForce]:
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
         from .polynomial_force import PolynomialForce
 
-        return [
-            InvertedForce(signals={"F": 0, "eps": 0}),
-            InvertedForce(PolynomialForce(1), signals={"F": 0, "eps": 0}, grid=5),
-        ]
+        one = {"F": 0, "eps": 0}
+        return [cls(signals=one), cls(PolynomialForce(1), signals=one, grid=5)]

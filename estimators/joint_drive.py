@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._balance import BalanceRegressor
+from ._linear import BalanceRegressor
 from ._parameters import parameters
 
 

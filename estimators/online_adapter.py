@@ -26,8 +26,7 @@ from ._base import SignalRegressor
 from ._checks import check_squares
 from ._hybrid_use import predicted
 from ._parameters import parameters
-from ._source import hybrid_of
-from ._tiny_source import tiny_source
+from ._source import hybrid_of, tiny_source
 from ._trajectories import trajectory_codes
 
 

@@ -8,8 +8,8 @@ from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume import VolumeJet
 
 from ._laws import FlowLaw
+from ._linear import PolynomialRegressor, require_degree
 from ._parameters import parameters
-from ._polynomial import PolynomialRegressor, require_degree
 
 
 @parameters

@@ -10,8 +10,8 @@ from pamid.signals.state import State
 from pamid.volume import VolumeJet
 
 from ._laws import ForceLaw
+from ._linear import PolynomialRegressor, require_degree
 from ._parameters import parameters
-from ._polynomial import PolynomialRegressor, require_degree
 
 
 @parameters

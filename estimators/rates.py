@@ -22,8 +22,7 @@ from pamid.errors import (
 from pamid.signals.driven import differentiate_driven, fit_gains
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._streaming import SequenceStreaming
 from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
 from ._typed import BaseEstimator, TransformerMixin
