@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from abc import abstractmethod
 from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
@@ -25,9 +24,12 @@ from ._hybrid_fit import (
     arrays_of,
     check_parameters,
     checked_weight,
+    counted_rows,
     early_stopping_rows,
     in_units,
+    overridden,
     span_of,
+    split_problem,
     spread_of,
     training_problem,
     warn_before,
@@ -130,9 +132,14 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     loss_curve_: list[float] = field(init=False)
     validation_curve_: list[float] = field(init=False)
 
-    @abstractmethod
+    base: Any = field(default="full", init=False)
+    """How the network is adapted: the name of an adapter, or one with its parameters."""
+
     def _adapter(self) -> Any:
         """Return the adapter of the network's parameters."""
+        from pamid.adapters.registry import adapter_named
+
+        return adapter_named(self.base)
 
     def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
         """Bring the source's volume to the target's size before anything is trained."""
@@ -235,7 +242,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
             psi = [torch.as_tensor(p, dtype=dtype, device=model.device) for p in self.psi_]
         self.psi_ = arrays_of(psi)
         problem = training_problem(model, state, Y, weight)
-        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+        counted = counted_rows(Y, weight)
         stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
         self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
         self._weigh(model, table, Y, weight, codes, (problem, bound, origin))
@@ -248,10 +255,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
             return
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
-        split = (problem, None)
-        held_out = early_stopping_rows(model, codes, len(table), rng, trainer)
-        if held_out.any():
-            split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
+        split = split_problem(problem, early_stopping_rows(model, codes, len(table), rng, trainer), counted)
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:
             result = trainer.run(
                 split[0],
@@ -309,8 +313,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
 
     def _trainer(self, weight_decay: float) -> Any:
         trainer = self._trainer_as_given().set_params(weight_decay=weight_decay)
-        wanted = {"max_iter": self.max_iter, "batch_size": self.batch_size}
-        return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
+        return overridden(trainer, self, "max_iter", "batch_size")
 
     def _warn_of_weak_prior(self, n_samples: int) -> None:
         """Warn where more parameters than samples are trained under next to no prior."""

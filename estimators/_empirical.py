@@ -54,9 +54,18 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
     max_iter: int = field(default=200, init=False)
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
+    _parameters: ClassVar[tuple[FitParameter, ...]] = ()
+    """Parameters of the formula, where they do not depend on the settings."""
+    _positive: ClassVar[tuple[str, ...]] = ("rest_length",)
+    """Settings that must be above 0."""
+
     def _declared(self) -> dict[str, FitParameter]:
         """Return every parameter by name."""
-        raise NotImplementedError
+        for name in self._positive:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"{name} is {value!r}.", "a finite number above 0", f"Correct {name}.")
+        return {p.name: p for p in self._parameters}
 
     def _force(self, values: Values, state: State) -> Any:
         """Return the force, N, for values that may be complex."""
@@ -209,11 +218,3 @@ def _bounded(columns: np.ndarray, y: np.ndarray, weight: np.ndarray, declared: l
     solution = lsq_linear(triangle[:, :-1], triangle[:, -1], (lower, upper), method="bvls")
     out[told] = solution.x / size[told]
     return out
-
-
-def check_positive(estimator: Any, *names: str) -> None:
-    """Raise unless each named parameter is a finite number above 0."""
-    for name in names:
-        value = getattr(estimator, name)
-        if not (np.isfinite(value) and value > 0):
-            raise ParameterError(f"{name} is {value!r}.", "a finite number above 0", f"Correct {name}.")

@@ -172,6 +172,26 @@ def checked_weight(sample_weight: Any, X: np.ndarray) -> np.ndarray:
     return weight
 
 
+def overridden(trainer: Any, model: Any, *names: str) -> Any:
+    """Return a trainer with those of its parameters that a model gives."""
+    return trainer.set_params(**{name: value for name in names if (value := getattr(model, name)) is not None})
+
+
+def counted_rows(Y: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return which targets a training problem holds, law by law."""
+    return (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+
+
+def split_problem(problem: Any, held_out: np.ndarray, counted: np.ndarray) -> tuple[Any, Any]:
+    """Return the problem of the rows to train on and that of the held-out ones, None without any."""
+    import torch
+
+    if not held_out.any():
+        return problem, None
+    rows = np.tile(held_out, len(counted) // len(held_out))[counted]
+    return problem.split(torch.as_tensor(rows, device=problem.y.device))
+
+
 def arrays_of(parameters: Sequence[Any]) -> list[np.ndarray]:
     """Return parameters of torch as arrays of numpy."""
     return [p.detach().cpu().numpy().astype(float) for p in parameters]

@@ -324,6 +324,3 @@ class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegress
             part = here[start : start + 512, None, :] - self.cells_[None]
             near[start : start + 512] = (np.abs(part).max(axis=2) <= 1).any(axis=1)
         return ~near[which.ravel()]
-
-    def _shaped(self, values: np.ndarray) -> np.ndarray:
-        return values[:, 0] if self.n_outputs_ == 0 else values

@@ -22,9 +22,12 @@ from ._hybrid_fit import (
     arrays_of,
     check_parameters,
     checked_weight,
+    counted_rows,
     early_stopping_rows,
     network_in_units,
+    overridden,
     span_of,
+    split_problem,
     spread_of,
     training_problem,
     volume_scale,
@@ -109,10 +112,7 @@ class HybridModel(LawModel, HybridParameters):
             # The correction starts from nothing, so that a fit is never worse than its anchor.
             start[-2].zero_()
             start[-1].zero_()
-        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
-        rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
-        split = problem.split(rows) if held_out.any() else (problem, None)
-        self._train(split, start, rng, original)
+        self._train(split_problem(problem, held_out, counted_rows(Y, weight)), start, rng, original)
         if not self.effects:  # which a stream of single rows does not determine
             self._remember(*original, sample_weight, groups)
         return self
@@ -151,9 +151,7 @@ class HybridModel(LawModel, HybridParameters):
 
         from pamid.training import trainer_named
 
-        trainer = clone(trainer_named(self.trainer))
-        wanted = {"max_iter": self.max_iter, "batch_size": self.batch_size, "weight_decay": self.weight_decay}
-        return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
+        return overridden(clone(trainer_named(self.trainer)), self, "max_iter", "batch_size", "weight_decay")
 
     # --- using --------------------------------------------------------------------------------------------------
     def _outputs(self, table: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ import numpy as np
 from pamid.errors import MissingColumnError
 
 from ._parameters import parameters
-from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
+from ._trajectories import has_trajectory_column, run_codes, trajectory_slices
 
 
 class SequenceScore:
@@ -71,9 +71,7 @@ class SequenceMixin(SequenceScore):
             known = self._codes_of_fit
             if known is not None and len(known) == len(table):
                 return np.asarray(known)
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None  # needed_by raises instead
-        return codes
+        return run_codes(self, X, groups)
 
 
 def last_direction(values: np.ndarray, codes: np.ndarray, travel: float) -> np.ndarray:

@@ -15,18 +15,18 @@ from ._base import SignalEstimator
 from ._pihm import HybridModel
 
 
+def inside(source: Any) -> Any:
+    """Return the estimator inside frozen ones, and at the end of pipelines."""
+    while isinstance(source, FrozenEstimator | Pipeline):
+        source = source.estimator if isinstance(source, FrozenEstimator) else source.steps[-1][1]
+    return source
+
+
 def hybrid_of(source: Any, who: str) -> HybridModel:
     """Return the fitted hybrid model behind a source; the source is never altered."""
-    found = source
-    while True:
-        if isinstance(found, FrozenEstimator):
-            found = found.estimator
-        elif isinstance(found, Pipeline):
-            found = found.steps[-1][1]
-        elif isinstance(inner := getattr(found, "model_", None), HybridModel):
-            found = inner
-        else:
-            break
+    found = inside(source)
+    while isinstance(inner := inside(getattr(found, "model_", None)), HybridModel):
+        found = inner
     if not isinstance(found, HybridModel) and not (
         isinstance(found, SignalEstimator) and "source" in found.get_params(deep=False)
     ):

@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.frozen import FrozenEstimator
-from sklearn.pipeline import Pipeline
 
 from pamid.adapters._named_process import (
     BAR,
@@ -29,6 +28,7 @@ from ._blend import share_of_fresh
 from ._checks import check_counts, check_sizes
 from ._effects import whole_log
 from ._parameters import parameters
+from ._source import inside
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
@@ -207,14 +207,7 @@ class CarriedForce(Streaming, SignalRegressor):
         return eps, (P - self.atmospheric_pressure) / BAR, past
 
     def _source_process(self) -> CarriedForce:
-        found = self.source
-        while not isinstance(found, CarriedForce):
-            if isinstance(found, FrozenEstimator):
-                found = found.estimator
-            elif isinstance(found, Pipeline):
-                found = found.steps[-1][1]
-            else:
-                break
+        found = inside(self.source)
         if not isinstance(found, CarriedForce) or "process_" not in vars(found):
             raise IncompatibleError(
                 f"The source is {type(found).__name__}" + (", not fitted." if isinstance(found, CarriedForce) else "."),

@@ -119,7 +119,8 @@ class ForwardModel(OneLayerRegressor):
                 ExtrapolationWarning,
                 stacklevel=4,
             )
-        return self._shaped(np.clip(bare, *self._limits()))
+        held = np.clip(bare, *self._limits())
+        return held[:, 0] if self.n_outputs_ == 0 else held
 
     def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         margin = _MARGIN * (self.target_high_ - self.target_low_)

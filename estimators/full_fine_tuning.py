@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
 
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
@@ -44,8 +43,3 @@ class FullFineTuning(AdaptedModel):
     blend: bool | str = "auto"
 
     method = "full"
-
-    def _adapter(self) -> Any:
-        from pamid.adapters.fine_tuning import FineTuning
-
-        return FineTuning()

@@ -35,7 +35,7 @@ from ._gap import (
 from ._parameters import parameters
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
-from ._trajectories import has_trajectory_column, trajectory_codes
+from ._trajectories import has_trajectory_column, run_codes
 
 
 @parameters
@@ -355,14 +355,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     # --- signals --------------------------------------------------------------------------------------------
     def _codes(self, X: Any, groups: Any) -> np.ndarray:
         several = groups is not None or has_trajectory_column(X)
-        codes = trajectory_codes(
-            X,
-            groups,
-            one_trajectory=self.one_trajectory or (not several and hasattr(self, "findings_")),
-            needed_by=type(self).__name__,
-        )
-        assert codes is not None
-        return codes
+        one = self.one_trajectory or (not several and hasattr(self, "findings_"))
+        return run_codes(self, X, groups, one_trajectory=one)
 
     def _locate(self, n_columns: int) -> dict[str, int]:
         return located(self, n_columns)

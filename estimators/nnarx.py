@@ -77,11 +77,9 @@ class NNARX(NARXRegressor):
         super()._check_parameters()
         check_counts(self, "hidden")
 
-    def _n_lags(self) -> int:
-        return int(self.output_lags) + int(self.input_lags) * len(self.inputs)
-
     def _weights(self, theta: np.ndarray) -> dict[str, np.ndarray]:
-        return unflatten(theta, self._n_lags(), int(self.hidden), 1)
+        n_lags = int(self.output_lags) + int(self.input_lags) * len(self.inputs)
+        return unflatten(theta, n_lags, int(self.hidden), 1)
 
     def _one_step(self, phi: np.ndarray, step: np.ndarray) -> np.ndarray:
         weights = initial_weights(local_generator(self.random_state), phi.shape[1], int(self.hidden), 1)

@@ -92,11 +92,6 @@ class QAdapter(AdaptedModel):
 
     method = "q"
 
-    def _adapter(self) -> Any:
-        from pamid.adapters.registry import adapter_named
-
-        return adapter_named(self.base)
-
     def _trains_q(self) -> bool:
         """Whether Q is one of the trained parameters, as published, instead of part of the volume's scale."""
         return not self._trainer_as_given().second_order

@@ -24,7 +24,7 @@ from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
 from ._parameters import TakesFrames, parameters
 from ._streaming import SequenceStreaming
-from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
+from ._trajectories import encode_text_columns, run_codes, trajectory_slices
 from ._typed import BaseEstimator, TransformerMixin
 
 
@@ -141,9 +141,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         MissingColumnError
             If a column is missing, or there is neither time nor `sampling_period`.
         """
-        table = validate_data(
-            self, encode_text_columns(X, self._read_columns()), dtype=np.float64, ensure_min_samples=2
-        )
+        table = self._table(X, ensure_min_samples=2)
         names = [str(n) for n in getattr(self, "feature_names_in_", [])]
         if isinstance(self.columns, str) or not len(self.columns):
             raise ParameterError(
@@ -162,7 +160,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
                 "no column with the name of a rate to be made",
                 "Drop or rename them, or leave their signals out of columns.",
             )
-        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        slices = self._slices(X, table, groups)
         times = [self._times(table, rows) for rows in slices]
         if isinstance(self.tuning, str) and self.tuning == "auto":
             self.cutoffs_ = np.array(
@@ -201,12 +199,11 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return self._partial_fit_rows(X, y, None, groups)
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
+        table = self._table(X, reset=False)
         return table, np.zeros((len(table), 1))
 
-    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
-        known = X if isinstance(X, pd.DataFrame) else table
-        return trajectory_codes(known, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
+        return run_codes(self, X if isinstance(X, pd.DataFrame) else table, groups)
 
     def transform(self, X: Any, groups: Any = None) -> Any:
         """Append the rates.
@@ -228,10 +225,10 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             If a run has fewer than two rows.
         """
         check_is_fitted(self, "cutoffs_")
-        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
+        table = self._table(X, reset=False)
         smoothed = np.empty((len(table), len(self.column_indices_)))
         rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
-        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        slices = self._slices(X, table, groups)
         self._warn_of_irregular_times([self._times(table, rows) for rows in slices])
         for rows in slices:
             results = differentiate(
@@ -339,10 +336,14 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         own = [names[i] for i in self.column_indices_]
         return [f"{d}{n}" for d in (("d", "dd") if self.second else ("d",)) for n in own]
 
-    def _slices(self, X: Any, groups: Any) -> list[slice]:
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None
-        slices = trajectory_slices(codes)
+    def _table(self, X: Any, **checks: Any) -> np.ndarray:
+        table: np.ndarray = validate_data(
+            self, encode_text_columns(X, self._read_columns()), dtype=np.float64, **checks
+        )
+        return table
+
+    def _slices(self, X: Any, table: np.ndarray, groups: Any) -> list[slice]:
+        slices = trajectory_slices(self._stream_codes(X, table, groups))
         short = next((s for s in slices if s.stop - s.start < 2), None)
         if short is not None:
             raise ShortTrajectoryError(

@@ -96,11 +96,6 @@ class ScaleAdapter(AdaptedModel):
 
     method = "scales"
 
-    def _adapter(self) -> Any:
-        from pamid.adapters.registry import adapter_named
-
-        return adapter_named(self.base)
-
     def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
         source = hybrid_of(self.source, type(self).__name__)
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length

@@ -26,7 +26,7 @@ from ._checks import warn_of_still_columns
 from ._parameters import parameters
 from ._pysindy import differentiate
 from ._sparse_polynomial import PolynomialLibraryMixin
-from ._trajectories import trajectory_codes, trajectory_slices
+from ._trajectories import run_codes, trajectory_slices
 
 Inputs = Callable[[float], Any]
 
@@ -305,13 +305,11 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
 
     def _rates(self, X: Any, columns: np.ndarray, groups: Any) -> np.ndarray:
         """Differentiate the states within each run."""
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None  # needed_by raises instead
-        states = np.column_stack([self._signal(columns, name) for name in self.states])
+        states = self._signals(columns, self.states)
         rates = np.empty_like(states)
         time = self._times(columns)
         least = max(int(self.smoothing_window), 3)
-        for number, rows in enumerate(trajectory_slices(codes)):
+        for number, rows in enumerate(trajectory_slices(run_codes(self, X, groups))):
             n = rows.stop - rows.start
             if n < least:
                 raise ShortTrajectoryError(

@@ -15,7 +15,7 @@ from pamid.signals.state import State
 from pamid.volume import FitParameter
 
 from ._checks import check_counts
-from ._empirical import EmpiricalForce, Values, check_positive
+from ._empirical import EmpiricalForce, Values
 from ._parameters import parameters
 
 _PHASES = ("fill", "vent")
@@ -122,12 +122,13 @@ class ThreeElement(EmpiricalForce):
     turn_rate: float = 2e4
 
     reads = ("eps", "deps", "P", "dP")
+    _positive = ("rest_length", "turn_rate")
     # with one column for all four signals only the other terms are distinguishable
     _apart: ClassVar = dict.fromkeys(("K_vent0", "K_fill1", "K_vent1", "B_fill0", "B_vent0", "B_fill1", "B_vent1"), 0.0)
     _checked = ({"pieces": 1, "fixed": _apart, "atmospheric_pressure": 0.0},)
 
     def _declared(self) -> dict[str, FitParameter]:
-        check_positive(self, "rest_length", "turn_rate")
+        super()._declared()
         check_counts(self, "pieces")
         found = []
         for k in range(int(self.pieces) + 1):
