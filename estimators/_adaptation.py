@@ -347,24 +347,12 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__)).laws()
 
     def volume(self, X: Any) -> VolumeJet:
-        """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
-        """
+        """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense."""
         check_is_fitted(self, "model_")
         return self.model_.volume(X)
 
     def transform(self, X: Any) -> Any:
-        """Append the adapted volume and its derivatives to the signals.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_columns + 3)
-            X with V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) appended, a DataFrame where X is one.
-        """
+        """Append the adapted volume and its derivatives to the signals: V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
         table = self._read_fitted(X, "model_")
         columns = np.column_stack(jet_of(self.model_, table))
         asked = getattr(self, "_sklearn_output_config", {}).get("transform")
@@ -377,13 +365,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return np.concatenate([table, columns], axis=1)
 
     def fit_transform(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Any:
-        """Adapt, and append the adapted volume and its derivatives to the signals.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_columns + 3)
-            As `transform`.
-        """
+        """Adapt, and append the adapted volume and its derivatives to the signals."""
         return self.fit(X, y, sample_weight, groups).transform(X)
 
     @classmethod
@@ -396,13 +378,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return [cls._tiny(max_iter=5)]
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Name the columns that `transform` returns.
-
-        Returns
-        -------
-        ndarray of str
-            The names of X, then ``V``, ``V_eps``, ``V_P``.
-        """
+        """Name the columns that `transform` returns: those of X, then ``V``, ``V_eps``, ``V_P``."""
         check_is_fitted(self, "model_")
         return np.array([*_check_feature_names_in(self, input_features), *VOLUME_COLUMNS], dtype=object)
 

@@ -63,13 +63,7 @@ class ClassicalRegressor(SignalRegressor):
 
     @abstractmethod
     def laws(self) -> tuple[Law, ...]:
-        """Return the law that reads the volume.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+        """Return the law that reads the volume."""
 
     @abstractmethod
     def _jet(self, state: State) -> VolumeJet:
@@ -108,11 +102,6 @@ class ClassicalRegressor(SignalRegressor):
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
 
         Warns
         -----

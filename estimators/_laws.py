@@ -42,13 +42,7 @@ class ForceLaw:
     equations: ClassVar[tuple[str, ...]] = ("force",)
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the quasi-static law of the force.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N).
-        """
+        """Return the quasi-static law of the force (N), one in a tuple."""
         return (force_of(self),)
 
 
@@ -74,13 +68,7 @@ class FlowLaw:
     equations: ClassVar[tuple[str, ...]] = ("flow",)
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the law of the flow.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of flow (kg/s).
-        """
+        """Return the law of the flow (kg/s), one in a tuple."""
         return (flow_of(self),)
 
 
@@ -92,13 +80,7 @@ class LawModel(Streaming, ProgressMixin, SignalRegressor):
 
     @abstractmethod
     def laws(self) -> tuple[Law, ...]:
-        """Return the laws that read the volume, one a column of the target.
-
-        Returns
-        -------
-        tuple of Law
-            A law of force (N), of flow (kg/s), or both.
-        """
+        """Return the laws that read the volume, one a column of the target."""
 
     @abstractmethod
     def _outputs(self, table: np.ndarray) -> np.ndarray:
@@ -124,11 +106,6 @@ class LawModel(Streaming, ProgressMixin, SignalRegressor):
         ----------
         y : array, shape (n_samples,) or (n_samples, 2)
             Measured force (N) or mass flow (kg/s), or both.
-
-        Returns
-        -------
-        float
-            R², dimensionless; one is perfect.
         """
         return mean_r2(y, self.predict(X), sample_weight)
 

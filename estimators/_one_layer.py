@@ -206,11 +206,6 @@ class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegress
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Evaluate the network; the answer stays within its bounds.
 
-        Parameters
-        ----------
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
-
         Returns
         -------
         ndarray, shape (n_samples,) or (n_samples, n_outputs)

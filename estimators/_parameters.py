@@ -23,7 +23,7 @@ class Methods:
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units, absolute pressure.
         y : array_like, shape (n_samples,)
-            Target, SI units.
+            Target, SI units, such as force (N) or mass flow (kg/s).
         sample_weight : array_like, shape (n_samples,)
             Weights; a weight of 2 is the same row twice.
         groups : array_like, shape (n_samples,)
@@ -53,7 +53,63 @@ class Methods:
             Prediction in the unit of y.
         """
 
-    transform = assess = simulate = volume = predict_interval = predict
+    assess = simulate = predict_interval = predict
+
+    def transform(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Any:
+        """Transform.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        DataFrame or ndarray, shape (n_samples, n_features_out)
+            X with the columns appended, a DataFrame where X is one and ``set_output(transform="default")`` was not
+            asked for.
+        """
+
+    fit_transform = transform
+
+    def score(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Any:
+        """Score.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            As in `predict`.
+        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
+            Measured target.
+
+        Returns
+        -------
+        float
+            R², dimensionless; one is perfect.
+        """
+
+    def volume(self, X: Any) -> Any:
+        """Return the volume.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_columns)
+            The signals that the fit read, SI units, absolute pressure.
+
+        Returns
+        -------
+        VolumeJet
+            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
+        """
+
+    def laws(self) -> Any:
+        """Return laws.
+
+        Returns
+        -------
+        tuple of Law
+            One law, of force (N) or of flow (kg/s), or both.
+        """
 
     def get_feature_names_out(self, input_features: Any) -> Any:
         """Name columns.
@@ -62,6 +118,11 @@ class Methods:
         ----------
         input_features : array_like of str, optional
             Names of the columns, where X has none.
+
+        Returns
+        -------
+        ndarray of str
+            Names of the columns.
         """
 
     def formulas(self, signals: Any) -> Any:

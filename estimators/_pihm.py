@@ -172,11 +172,6 @@ class HybridModel(LawModel, HybridParameters):
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives at each sample.
 
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
-
         Warns
         -----
         VolumeWarning

@@ -20,20 +20,7 @@ class SequenceScore:
     predict: Callable[..., np.ndarray]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the prediction, in free run where the estimator predicts so.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            As in `predict`.
-        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
-            Measured target.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
+        """Coefficient of determination of the prediction, in free run where the estimator predicts so."""
         from sklearn.metrics import r2_score
 
         return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))

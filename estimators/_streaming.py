@@ -188,8 +188,6 @@ class SequenceStreaming(StreamMemory):
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            What ``fit`` takes, SI units, in time order within each run.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in ``fit``; no run continues from one call to the next.
         """

@@ -167,13 +167,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return forget(model.fit(X, y))
 
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the target.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            What the regressor reads.
-        """
+        """Predict the target as the regressor does."""
         check_is_fitted(self, "estimator_")
         if plain_table(self, X) is None:
             validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
@@ -181,11 +175,6 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
 
     def predict_interval(self, X: Any) -> PredictionInterval:
         """Return the interval that holds on a new run.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            What the regressor reads.
 
         Returns
         -------

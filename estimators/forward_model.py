@@ -97,11 +97,6 @@ class ForwardModel(OneLayerRegressor):
     def assess(self, X: Any, groups: Any = None) -> ForwardAnswer:
         """Predict within bounds, and flag rows whose prediction is unreliable.
 
-        Parameters
-        ----------
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
-
         Returns
         -------
         ForwardAnswer

@@ -221,10 +221,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals, as in `fit`.
-        y : array_like, shape (n_samples,)
-            Measured target.
         groups : array_like, shape (n_samples,), optional
             Run of each row; without it a column ``trajectory`` serves, and without both the log is one
             run.
@@ -301,8 +297,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals, as in `fit`.
         groups : array_like, shape (n_samples,), optional
             Run of each row, for causes with memory.
 

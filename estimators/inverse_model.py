@@ -158,8 +158,6 @@ class InverseModel(OneLayerRegressor):
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Wanted signals, SI units.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
 
         Returns
         -------

@@ -176,22 +176,11 @@ class InvertedForce(Streaming, ForceInside, SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Return the absolute pressure, Pa, within the limits, that brings the desired force about.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Wanted ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
-        """
+        """Return the absolute pressure, Pa, within the limits, that brings the desired force about."""
         return answer_within(*self.assess(X), self.on_unreachable, type(self).__name__)
 
     def assess(self, X: Any) -> PressureAnswer:
         """Answer within the limits, and flag rows whose answer is unreliable.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Wanted signals, as in `predict`.
 
         Returns
         -------

@@ -56,13 +56,7 @@ class JointPIHM(ForceLaw, FlowLaw, HybridModel):
     _checked = ({"volume_model": "neural", "hidden_layer_sizes": (6,), "max_iter": 8},)
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the laws of force and flow, of which a fit on one column keeps the force's.
-
-        Returns
-        -------
-        tuple of Law
-            Laws of force (N) and flow (kg/s).
-        """
+        """Return the laws of force and flow, of which a fit on one column keeps the force's."""
         return (force_of(self), flow_of(self))[: getattr(self, "n_targets_", 2)]
 
     def _measured(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -72,13 +72,7 @@ class LawRegressor(SignalRegressor):
     _checked = ({}, {"law": "thermodynamic"})
 
     def laws(self) -> tuple[Law]:
-        """Return the law that is applied.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+        """Return the law that is applied."""
         if self.law == "quasi_static":
             return (force_of(self),)
         if self.law == "thermodynamic":

@@ -120,8 +120,6 @@ class MLP(Streaming, PlainNetwork):
 
         Parameters
         ----------
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
         groups : array_like, shape (n_samples,), optional
             Run of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
             too.

@@ -325,13 +325,7 @@ class OnlineAdapter(SignalRegressor):
         return H, total
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the law that the source obeys.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+        """Return the law that the source obeys."""
         return hybrid_of(self.source, type(self).__name__).laws()
 
     def _streamed(self) -> list[StreamedEffect]:

@@ -206,18 +206,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return run_codes(self, X if isinstance(X, pd.DataFrame) else table, groups)
 
     def transform(self, X: Any, groups: Any = None) -> Any:
-        """Append the rates.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, run by run.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_features_out)
-            X with the rates appended, a DataFrame where X is one and ``set_output(transform="default")`` was not asked
-            for; units of the columns per s.
+        """Append the rates, in units of the columns per s.
 
         Raises
         ------
@@ -268,23 +257,11 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return np.concatenate([table, *rates], axis=1)
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> Any:
-        """Fit to X and append the rates to it.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_features_out)
-            X with the rates appended.
-        """
+        """Fit to X and append the rates to it."""
         return self.fit(X, y, groups=groups).transform(X, groups=groups)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Name the columns that `transform` returns.
-
-        Returns
-        -------
-        ndarray of str
-            The names of X, then ``d<name>`` for each column, then ``dd<name>`` with `second`.
-        """
+        """Name the columns that `transform` returns: those of X, ``d<name>`` for each, ``dd<name>`` with `second`."""
         check_is_fitted(self, "cutoffs_")
         names = _check_feature_names_in(self, input_features)
         return np.array([*names, *self._new_names([str(n) for n in names])], dtype=object)

@@ -147,8 +147,6 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units, in time order within each run, at one sampling period throughout.
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
 
         Raises
         ------
@@ -214,13 +212,7 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run the network along each run, from its burn-in to its end.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each run.
-        """
+        """Run the network along each run, from its burn-in to its end."""
         table = self._read_fitted(X, "weights_")
         pieces = pieces_of(trajectory_slices(self._codes(X, table, groups)), None)
         inputs, _ = self._scaled(self._signals(table, self.inputs), None)

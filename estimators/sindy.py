@@ -88,13 +88,7 @@ class SINDyRegressor(PolynomialLibraryMixin, SignalRegressor):
         return tuple(self.inputs)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
-        """Find the sparse polynomial.
-
-        Parameters
-        ----------
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
-        """
+        """Find the sparse polynomial."""
         columns, target, weights = self._rows(X, y, sample_weight, reset=True, ensure_min_samples=2)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         self._fit_library(columns, self.inputs, target, weights)

@@ -183,21 +183,14 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         return rates[:, 0] if rates.shape[1] == 1 else rates
 
     def score(self, X: Any, y: Any = None, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the rates.
+        """Coefficient of determination of the rates, the mean over the states.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            States and inputs, SI units.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
             Rates of the states; if None they are differentiated as in fit.
         groups : array_like, shape (n_samples,), optional
             Run of each row, needed if y is None.
-
-        Returns
-        -------
-        float
-            R², the mean over the states.
         """
         predicted = self.predict(X)
         if y is None:
