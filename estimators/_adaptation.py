@@ -21,6 +21,7 @@ from pamid.volume.scaled import ScaledVolume
 from ._base import fitted_attributes, state_of
 from ._blend import FEW_TRAJECTORIES, Blending
 from ._hybrid_fit import (
+    Samples,
     arrays_of,
     check_parameters,
     checked_weight,
@@ -33,7 +34,6 @@ from ._hybrid_fit import (
     spread_of,
     training_problem,
     warn_before,
-    without_repeats,
 )
 from ._hybrid_use import jet_of
 from ._laws import LawModel
@@ -101,12 +101,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     held_out_errors_ : list of dict
         Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
         and ``both`` (a fresh fit that reads the source's prediction).
-    n_iter_ : int
-        Iterations of the trainer.
-    loss_curve_, validation_curve_ : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    status_ : str
-        Why the training ended.
     """
 
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
@@ -141,7 +135,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
 
         return adapter_named(self.base)
 
-    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+    def _place(self, model: HybridModel, rows: Samples) -> None:
         """Bring the source's volume to the target's size before anything is trained."""
 
     # --- fitting ------------------------------------------------------------------------------------------------
@@ -175,14 +169,13 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         check_parameters(model)
         warn_before(model, state, Y)
         _warn_of_one_direction(state, weight)
-        table, Y, weight, codes = without_repeats(table, Y, weight, trajectory_codes(X, groups))
-        state = state_of(model, table)
-        model.input_range_ = span_of(np.column_stack(state))
-        model.target_scale_ = np.array([spread_of(Y[:, k], weight) for k in range(Y.shape[1])])
+        rows = Samples(table, Y, weight, trajectory_codes(X, groups)).without_repeats()
+        model.input_range_ = span_of(np.column_stack(state_of(model, rows.table)))
+        model.target_scale_ = np.array([spread_of(y_, rows.weight) for y_ in rows.Y.T])
         in_units(model, self._trainer_as_given())
         if not going_on:
-            self._place(model, table, Y, weight, codes)
-        self._train(model, source, table, Y, weight, codes, rng, (X, y), going_on)
+            self._place(model, rows)
+        self._train(model, source, rows, rng, (X, y), going_on)
         self.model_ = model
         self._remember(X, y, sample_weight, groups)
         return self
@@ -219,10 +212,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         self,
         model: HybridModel,
         source: HybridModel,
-        table: np.ndarray,
-        Y: np.ndarray,
-        weight: np.ndarray,
-        codes: Any,
+        rows: Samples,
         rng: Any,
         original: tuple[Any, Any],
         going_on: bool,
@@ -232,7 +222,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         from pamid.adapters.base import Bound, n_parameters
         from pamid.training.trainer import mean_squared_residual
 
-        state, dtype = state_of(model, table), getattr(torch, model.dtype)
+        (table, Y, weight, codes), dtype = rows, getattr(torch, model.dtype)
         self.start_ = source.weights_
         start = [torch.as_tensor(w, dtype=dtype, device=model.device) for w in self.start_]
         bound = Bound(self._bound_adapter(), start)
@@ -241,11 +231,11 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         if going_on and [tuple(p.shape) for p in psi] == [p.shape for p in self.psi_]:
             psi = [torch.as_tensor(p, dtype=dtype, device=model.device) for p in self.psi_]
         self.psi_ = arrays_of(psi)
-        problem = training_problem(model, state, Y, weight)
+        problem = training_problem(model, state_of(model, table), Y, weight)
         counted = counted_rows(Y, weight)
         stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
         self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
-        self._weigh(model, table, Y, weight, codes, (problem, bound, origin))
+        self._weigh(model, rows, (problem, bound, origin))
         self.n_parameters_ = n_parameters(psi) + int(self._counts_scale)
         self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
         if not np.isfinite(self.weight_decay_):

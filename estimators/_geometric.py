@@ -177,12 +177,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
             Run of each row. It does not change the fit, only its standard errors: residuals of one
             run are then taken as dependent.
         """
-        self._fit_parameters(*self._training(X, y, sample_weight, groups))
-        self._remember(X, y, sample_weight, groups)
-        return self
-
-    def _fit_parameters(self, state: State, y: np.ndarray, weight: np.ndarray, clusters: np.ndarray | None) -> None:
-        """Fit the chosen parameters and set the fitted attributes."""
+        state, y_, weight, clusters = self._training(X, y, sample_weight, groups)
         nominal = self._nominal()
         declared = self._declared()
         self._refuse_unknown(self.start or {}, "start", declared)
@@ -202,7 +197,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         if names:
             lower, upper = (np.array(b, dtype=float) for b in zip(*limits, strict=True))
             begin = np.array([values[n] for n in names], dtype=float)
-            search = _Search(predict, y, weight, names, begin, lower, upper)
+            search = _Search(predict, y_, weight, names, begin, lower, upper)
             solution = search.best({"clusters": clusters, "max_iter": self.max_iter})
             values |= dict(zip(names, solution.x.tolist(), strict=True))
             errors |= dict(zip(names, np.sqrt(np.maximum(np.diag(solution.covariance), 0.0)).tolist(), strict=True))
@@ -215,6 +210,8 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         self.fitted_names_ = list(names)
         self.at_bound_ = at_bound
         self._warn_of_size()
+        self._remember(X, y, sample_weight, groups)
+        return self
 
     def _jet(self, state: State) -> VolumeJet:
         return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)

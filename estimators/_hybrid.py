@@ -67,12 +67,6 @@ class HybridParameters(SignalEstimator):
         The identified volume.
     effects_ : list of Effect
         The identified effects, in physical units.
-    n_iter_ : int
-        Iterations of the trainer.
-    loss_curve_, validation_curve_ : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    status_ : str
-        Why the training ended.
     """
 
     rest_length: float = 0.2

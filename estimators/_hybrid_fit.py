@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -70,14 +70,20 @@ def warn_before(model: HybridParameters, state: State, Y: np.ndarray) -> None:
             )
 
 
-def without_repeats(
-    table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-    """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
-    unit = np.zeros(len(Y), dtype=int) if codes is None else codes
-    rows = Rows(np.column_stack([table, unit]), Y, weight, unit).at(weight > 0)
-    rows = merged(rows, whole=False)
-    return rows.X[:, :-1], rows.y, rows.weight, None if codes is None else rows.unit
+class Samples(NamedTuple):
+    """What a hybrid model is fitted to: a validated table, targets of shape (n, n_laws), weights, runs."""
+
+    table: np.ndarray
+    Y: np.ndarray
+    weight: np.ndarray
+    codes: np.ndarray | None
+
+    def without_repeats(self) -> Samples:
+        """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
+        unit = np.zeros(len(self.Y), dtype=int) if self.codes is None else self.codes
+        rows = Rows(np.column_stack([self.table, unit]), self.Y, self.weight, unit).at(self.weight > 0)
+        rows = merged(rows, whole=False)
+        return Samples(rows.X[:, :-1], rows.y, rows.weight, None if self.codes is None else rows.unit)
 
 
 def early_stopping_rows(

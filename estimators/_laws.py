@@ -73,7 +73,17 @@ class FlowLaw:
 
 
 class LawModel(Streaming, ProgressMixin, SignalRegressor):
-    """Predicts a column for each of its laws."""
+    """Predicts a column for each of its laws.
+
+    Attributes
+    ----------
+    n_iter_ : int
+        Iterations of the trainer.
+    loss_curve_, validation_curve_ : list of float
+        Mean squared residual after each iteration, in units of the target's variance.
+    status_ : str
+        Why the training ended.
+    """
 
     _fitted: ClassVar[str] = "weights_"
     """Attribute that a fit sets."""

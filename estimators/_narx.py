@@ -234,7 +234,15 @@ class NARXRegressor(ProgressMixin, OutputModel):
         beyond = ((columns < self.input_low_ - span) | (columns > self.input_high_ + span)).any(axis=1)
         first = np.array([s.start for s in slices])
         start = self._signal(table, self.start)[first] if self.start else np.full(len(first), self.start_mean_)
-        y, held = self._free(*self._scaled(columns, start), slices)
+        u, start = self._scaled(columns, start)
+        room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
+        low, high = (
+            (edge - self.output_mean_) / self.output_scale_
+            for edge in (self.output_low_ - room, self.output_high_ + room)
+        )
+        lags = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
+        past = np.repeat(start[:, None], int(self.output_lags), axis=1)
+        y, held = free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
         return FreeRun(y * self.output_scale_ + self.output_mean_, held, beyond)
 
     def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
@@ -268,16 +276,6 @@ class NARXRegressor(ProgressMixin, OutputModel):
         inputs = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
         past = free_run.output_lags(z, slices, int(self.output_lags))
         return inputs, past, np.concatenate([past, inputs], axis=1)
-
-    # --- runs ---------------------------------------------------------------------------------------------------
-    def _free(self, u: np.ndarray, start: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate all runs; return scaled outputs and where they were held."""
-        room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
-        low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
-        high = (self.output_high_ + room - self.output_mean_) / self.output_scale_
-        lags = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
-        past = np.repeat(start[:, None], int(self.output_lags), axis=1)
-        return free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
 
     def _attributes(self, theta: np.ndarray) -> dict[str, Any]:
         """What a callback needs for a fitted copy."""

@@ -146,7 +146,15 @@ class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegress
             If the direction of motion is asked for and nothing names the runs.
         """
         self._check_parameters()
-        columns, target, weight = self._table(X, y, sample_weight, groups, reset=True)
+        if y is None:
+            raise ShapeError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None.", "a target", "Pass y."
+            )
+        table, given = self._read(X, y, reset=True)
+        target = self._target(given)
+        self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
+        target, weight = self._output_columns(target), row_weights(sample_weight, table)
+        columns = self._columns(X, table, groups)
         used = weight > 0
         warn_of_still_columns(columns[:, : len(self.inputs)], self.inputs, type(self).__name__)
         self._set_scales(columns[used], target[used], weight[used])
@@ -253,21 +261,6 @@ class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegress
                 f"{self._turning} among the inputs, whose direction it is",
                 f"Add {self._turning!r} to inputs, or set direction=False.",
             )
-
-    def _table(
-        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if y is None:
-            raise ShapeError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None.", "a target", "Pass y."
-            )
-        table, y = self._read(X, y, reset=reset)
-        target = self._target(y)
-        if reset:
-            self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
-        target = self._output_columns(target)
-        weight = row_weights(sample_weight, table)
-        return self._columns(X, table, groups), target, weight
 
     def _output_columns(self, target: np.ndarray) -> np.ndarray:
         target = target.reshape(len(target), -1)

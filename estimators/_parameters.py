@@ -154,6 +154,8 @@ class TakesFrames:
         Rest diameter D₀ of the muscle, m.
     atmospheric_pressure : float
         Ambient pressure, Pa, absolute.
+    pressure_limits : (float, float), optional
+        Least and largest answer, Pa absolute; by default the range of the fit.
     hidden : int
         Units of the hidden layer.
     one_trajectory : bool

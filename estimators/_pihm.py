@@ -19,6 +19,7 @@ from ._base import state_of
 from ._effects import fit_model_effects, fitted_effects, seen_by
 from ._hybrid import HybridParameters
 from ._hybrid_fit import (
+    Samples,
     arrays_of,
     check_parameters,
     checked_weight,
@@ -32,7 +33,6 @@ from ._hybrid_fit import (
     training_problem,
     volume_scale,
     warn_before,
-    without_repeats,
 )
 from ._hybrid_use import jet_of, network_of, predicted
 from ._laws import LawModel
@@ -83,7 +83,7 @@ class HybridModel(LawModel, HybridParameters):
         warn_before(self, state_of(self, X), Y)
         codes = trajectory_codes(original[0], groups)
         if not self.effects:  # which remember every row
-            X, Y, weight, codes = without_repeats(X, Y, weight, codes)
+            X, Y, weight, codes = Samples(X, Y, weight, codes).without_repeats()
         fit_model_effects(self, X, Y, weight, rng)
         state, inputs, added = seen_by(self, X)
         Y = Y if added is None else Y - added

@@ -243,16 +243,14 @@ class CarriedForce(Streaming, SignalRegressor):
         if gain.sum() > BEYOND_CHANCE * float(np.sqrt(gain @ gain)):
             self.source_kept_ -= share_of_fresh(found.left - without.left, found.left, found.trust, blocks)
             self.fresh_ = process
-        self._warn_of_hindrance(self.held_out_errors_)
-
-    def _warn_of_hindrance(self, errors: dict[str, float]) -> None:
+        errors = self.held_out_errors_
         if self.source_kept_ < 0.5:
             warnings.warn(
                 f"The source helps little: runs held out leave {errors['carried']:.3g} N with it and "
                 f"{errors['fresh']:.3g} N without. Expected less with a source. Predictions keep "
                 f"{self.source_kept_:.0%} of it. Use a source more like the target, or none.",
                 AdaptationWarning,
-                stacklevel=4,
+                stacklevel=3,
             )
 
     def _name_results(self) -> None:

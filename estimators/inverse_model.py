@@ -92,8 +92,6 @@ class InverseModel(OneLayerRegressor):
     direction_step : float, default=0.01
         Reversal of the contraction over which the direction switches, dimensionless; the input changes gradually over
         it.
-    pressure_limits : (float, float), optional
-        Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that ask for a pressure beyond the limits or lie outside the data of the fit:
         bound the answer and warn, bound it silently, or raise `UnreachableError`.

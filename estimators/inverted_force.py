@@ -69,8 +69,6 @@ class InvertedForce(Streaming, ForceInside, SignalRegressor):
         with the inverse; ``sklearn.frozen.FrozenEstimator(model)`` keeps one that is fitted already.
     grid : int, default=33
         Pressures at which roots are searched for.
-    pressure_limits : (float, float), optional
-        Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that no pressure within the limits brings about: bound the answer and warn,
         bound it silently, or raise `UnreachableError`.

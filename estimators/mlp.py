@@ -133,7 +133,8 @@ class MLP(Streaming, PlainNetwork):
         """
         self._check_parameters()
         rng = local_generator(self.random_state)
-        columns, target, weights = self._table(X, y, sample_weight, reset=True)
+        table, target, weights = self._read_weighted(X, y, sample_weight, reset=True)
+        columns = self._signals(table, self.inputs)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
@@ -172,10 +173,6 @@ class MLP(Streaming, PlainNetwork):
         check_option(self, "optimizer", OPTIMIZERS)
         if any(int(units) < 1 for units in self.hidden):
             raise ParameterError(f"hidden is {self.hidden!r}.", "at least one unit in each layer", "Correct hidden.")
-
-    def _table(self, X: Any, y: Any, sample_weight: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        table, target, weights = self._read_weighted(X, y, sample_weight, reset=reset)
-        return self._signals(table, self.inputs), target, weights
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple[Any, Any, Any]:
         """Standardised inputs and target, and weights of mean one, as tensors."""

@@ -159,7 +159,9 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         """
         self._check_parameters()
         rng = local_generator(self.random_state)
-        columns, target, codes = self._table(X, y, groups, reset=True)
+        table, given = self._read(X, y, reset=True)
+        columns, target = self._signals(table, self.inputs), column_or_1d(given, warn=True).astype(float)
+        codes = self._codes(X, table, groups)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
@@ -228,14 +230,6 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
             raise ParameterError(
                 f"segment_length is {self.segment_length!r}.", "at least one row, or None", "Correct segment_length."
             )
-
-    def _table(self, X: Any, y: Any, groups: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        table, y = self._read(X, y, reset=reset)
-        return (
-            self._signals(table, self.inputs),
-            column_or_1d(y, warn=True).astype(float),
-            self._codes(X, table, groups),
-        )
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray | None) -> tuple[Any, Any]:
         import torch

@@ -12,6 +12,7 @@ from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
 from ._base import state_of
+from ._hybrid_fit import Samples
 from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
@@ -33,6 +34,10 @@ class _Solution(NamedTuple):
     value: np.ndarray
     error: np.ndarray
     condition: float
+
+
+_Part = tuple[str, np.ndarray, np.ndarray, np.ndarray, float]
+"""Of an equation its name, prediction, share of a dead volume, target and scale."""
 
 
 @parameters
@@ -96,7 +101,8 @@ class ScaleAdapter(AdaptedModel):
 
     method = "scales"
 
-    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+    def _place(self, model: HybridModel, rows: Samples) -> None:
+        table, Y, weight, codes = rows
         source = hybrid_of(self.source, type(self).__name__)
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length
         self.diameter_factor_ = (self.rest_diameter or source.rest_diameter) / source.rest_diameter
@@ -158,7 +164,7 @@ class ScaleAdapter(AdaptedModel):
 
     def _solve(
         self,
-        parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray, float]],
+        parts: list[_Part],
         wanted: Sequence[str],
         weight: np.ndarray,
         codes: Any,

@@ -114,7 +114,9 @@ class TransferFunction(NARXRegressor):
     def _keep(self, theta: np.ndarray, covariance: np.ndarray) -> None:
         self.coef_ = theta.copy()
         n, names = int(self.n_poles), [str(name) for name in self.inputs]
-        turn = self._in_units(n, len(names))
+        step = self.step_scale_
+        b = np.tile(step * self.output_scale_ / self.input_scale_, self.input_lags)
+        turn = np.diag(np.concatenate([np.full(n, -step), b, [step * self.output_scale_]]))  # to units of the signals
         values = turn @ theta
         errors = np.sqrt(np.maximum(np.diag(turn @ covariance @ turn.T), 0.0))
         self.denominator_ = np.concatenate([[1.0], values[:n]])
@@ -131,13 +133,6 @@ class TransferFunction(NARXRegressor):
         found = np.concatenate([self.denominator_[1:], by_lag.ravel()])
         self.coefficients_ = dict(zip(told, found.tolist(), strict=True))
         self.standard_errors_ = dict(zip(told, errors[:-1].tolist(), strict=True))
-
-    def _in_units(self, n: int, n_inputs: int) -> np.ndarray:
-        """Return the diagonal that converts parameters of standardised signals to those of the signals."""
-        step = self.step_scale_
-        b = np.tile(step * self.output_scale_ / self.input_scale_, self.input_lags)
-        assert len(b) == self.input_lags * n_inputs
-        return np.diag(np.concatenate([np.full(n, -step), b, [step * self.output_scale_]]))
 
     def _theta(self) -> np.ndarray:
         return self.coef_
