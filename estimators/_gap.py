@@ -70,11 +70,6 @@ def run_names(X: Any, groups: Any, codes: np.ndarray) -> list[str]:
     return names if len(set(names)) == len(names) else [str(k) for k in range(len(names))]
 
 
-def values_of(causes: Sequence[Any]) -> dict[str, dict[str, float]]:
-    """Return the causes, each by its first effect, with the values of their parameters."""
-    return {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in causes}
-
-
 def located(estimator: Any, n_columns: int) -> dict[str, int]:
     """Return the column of each role, as an estimator's ``signals`` or the names of the columns tell."""
     names = [str(n) for n in getattr(estimator, "feature_names_in_", ())]

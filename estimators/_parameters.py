@@ -168,7 +168,7 @@ class TakesFrames:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         for name in ("fit", "partial_fit", "predict", "score", "transform"):
-            if "groups" in inspect.signature(getattr(cls, name, _no_method)).parameters:
+            if hasattr(cls, name) and "groups" in inspect.signature(getattr(cls, name)).parameters:
                 setattr(cls, f"__metadata_request__{name}", {"groups": True})
         super().__init_subclass__(**kwargs)
         for name in [n for n in dir(cls) if not n.startswith("_")]:
@@ -176,10 +176,6 @@ class TakesFrames:
             if inspect.isfunction(method) and _reads_table(method):
                 setattr(cls, name, _of_any_frame(method))
         explain_methods(cls, Methods)
-
-
-def _no_method() -> None:
-    """Stand for a method that an estimator does not have."""
 
 
 def _reads_table(method: Callable[..., Any]) -> bool:

@@ -30,7 +30,6 @@ from ._gap import (
     read_by,
     run_names,
     spoken,
-    values_of,
 )
 from ._parameters import parameters
 from ._sequences import SequenceScore
@@ -254,7 +253,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
         self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
         self.next_experiment_ = found.next_experiment
-        self.effects_ = values_of(found.causes)
+        self.effects_ = {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in found.causes}
 
     @property
     def diagnosis_(self) -> Any:
@@ -267,7 +266,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         """Return the equation on a table."""
         import pandas as pd
 
-        names, labels = getattr(self, "feature_names_in_", None), self._labels()
+        names = getattr(self, "feature_names_in_", None)
 
         def modelled(X: pd.DataFrame) -> np.ndarray:
             if self.nominal is None:
@@ -277,7 +276,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             out = self.nominal.predict(read_by(self.nominal, read)) if fitted else self.nominal(read)
             return np.asarray(out, dtype=float).reshape(len(X))
 
-        columns = names if names is not None else [f"X[{k}]" for k in range(table.shape[1])]
+        columns = [str(n) for n in names] if names is not None else [f"X[{k}]" for k in range(table.shape[1])]
+        labels = {role: columns[k] for role, k in self.signal_columns_.items()}
         return Problem(
             pd.DataFrame(table, columns=columns), y, modelled, groups, labels, self.equation, "", self.plant, [],
             self.units or {}, None if where is None else column_or_1d(where).astype(bool),
@@ -354,10 +354,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _locate(self, n_columns: int) -> dict[str, int]:
         return located(self, n_columns)
-
-    def _labels(self) -> dict[str, str]:
-        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
-        return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
 
     def _repr_html_inner(self) -> str:
         """Put the verdict before scikit-learn's picture of the estimator."""

@@ -151,7 +151,13 @@ class LinearStateSpace(OutputModel):
             )
         found = realisations(u, z, slices, rows, most)
         self.orders_ = [
-            {"order": len(r.A), "correlation": r.correlation, "fit": _fit(r), "criterion": r.criterion} for r in found
+            {
+                "order": len(r.A),
+                "correlation": r.correlation,
+                "fit": float(100.0 * (1.0 - np.sqrt(r.loss))),
+                "criterion": r.criterion,
+            }
+            for r in found
         ]
         return min(found, key=lambda r: r.criterion) if self.order == "auto" else found[-1]
 
@@ -204,8 +210,3 @@ def _most_rows(slices: list[slice], n_inputs: int) -> int:
         if int(np.maximum(lengths - 2 * rows + 1, 0).sum()) >= 2 * rows * (2 * n_inputs + 2):
             return rows
     return 0
-
-
-def _fit(found: Realisation) -> float:
-    """Return the fit of free runs, %."""
-    return float(100.0 * (1.0 - np.sqrt(found.loss)))

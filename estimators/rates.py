@@ -218,7 +218,12 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         smoothed = np.empty((len(table), len(self.column_indices_)))
         rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
         slices = self._slices(X, table, groups)
-        self._warn_of_irregular_times([self._times(table, rows) for rows in slices])
+        times = [self._times(table, rows) for rows in slices]
+        told = [text for t in times if t is not None and (text := irregularity(t))]
+        if told:
+            warnings.warn(
+                f"{len(told)} of {len(slices)} runs are not sampled evenly. {told[0]}", SamplingWarning, stacklevel=4
+            )
         for rows in slices:
             results = differentiate(
                 table[rows][:, self.column_indices_],
@@ -332,15 +337,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
     def _times(self, table: np.ndarray, rows: slice) -> np.ndarray | None:
         return None if self.time_index_ is None else table[rows, self.time_index_]
-
-    @staticmethod
-    def _warn_of_irregular_times(times: list[np.ndarray | None]) -> None:
-        """Warn once for all runs."""
-        said = [s for s in (irregularity(t) for t in times if t is not None) if s]
-        if said:
-            warnings.warn(
-                f"{len(said)} of {len(times)} runs are not sampled evenly. {said[0]}", SamplingWarning, stacklevel=5
-            )
 
     def _find_time(self, names: list[str], n_columns: int) -> int | None:
         named = isinstance(self.time, str)

@@ -182,7 +182,9 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
             return self._epoch(network, adam, inputs, wanted, training, rng)
 
         def validate() -> float:
-            return self._mean_square(network, inputs, wanted, validation)
+            rows = np.concatenate([p.rows() for p in validation])
+            outputs = self._run(network, inputs, validation)
+            return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
         # lets a callback score on the rows of the fit without being given the runs
         self._codes_of_fit = codes
@@ -206,12 +208,6 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         self.n_iter_ = max(progress.n_epochs, 1)
         self._remember(X, y, groups=groups)
         return self
-
-    def _mean_square(self, network: Network, inputs: Any, wanted: Any, pieces: list[Piece]) -> float:
-        """Mean squared error over whole runs, in units of the target's variance."""
-        outputs = self._run(network, inputs, pieces)
-        rows = np.concatenate([p.rows() for p in pieces])
-        return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Run the network along each run, from its burn-in to its end."""
