@@ -156,7 +156,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
                 f"{1e3 * stated:.3g} mm. Expected the two within a factor of {IMPLAUSIBLE:g}. Check the units of force "
                 "and pressure, state the muscle's diameter as rest_diameter, or hold it by leaving it out of free.",
                 VolumeWarning,
-                stacklevel=5,
+                stacklevel=4,
             )
 
     def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:
