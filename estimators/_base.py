@@ -41,10 +41,6 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     ----------
     signal_columns_ : dict of str to int
         Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()

@@ -164,6 +164,13 @@ class TakesFrames:
         Where to train, for instance ``"cuda"``.
     random_state : int or RandomState, optional
         Seed of the initial weights.
+
+    Attributes
+    ----------
+    n_features_in_ : int
+        Number of columns seen in fit.
+    feature_names_in_ : ndarray of str
+        Names of these columns, if they have names.
     """
 
     def __init_subclass__(cls, **kwargs: Any) -> None:

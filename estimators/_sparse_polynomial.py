@@ -57,7 +57,7 @@ class PolynomialLibraryMixin:
         Exponent of each signal, and of each sign, in each term.
     signal_scales_ : ndarray, shape (n_signals,)
         Root mean square of each signal, in the signal's unit.
-    scaled_coef_ : ndarray, shape (1, n_terms)
+    scaled_coef_ : ndarray, shape (n_targets, n_terms)
         Coefficients for signals in units of `signal_scales_`.
     n_iter_ : int
         Iterations of the sparse regression.

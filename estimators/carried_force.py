@@ -250,7 +250,7 @@ class CarriedForce(Streaming, SignalRegressor):
                 f"{errors['fresh']:.3g} N without. Expected less with a source. Predictions keep "
                 f"{self.source_kept_:.0%} of it. Use a source more like the target, or none.",
                 AdaptationWarning,
-                stacklevel=3,
+                stacklevel=4,
             )
 
     def _name_results(self) -> None:

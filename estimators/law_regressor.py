@@ -8,20 +8,19 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.errors import UnknownOptionError
 from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS, State
 
 from ._base import SignalRegressor
-from ._laws import flow_of, force_of
+from ._laws import FlowLaw, ForceLaw, flow_of, force_of
 from ._parameters import parameters
 
 LAWS = ("quasi_static", "thermodynamic")
 
 
 @parameters
-class LawRegressor(SignalRegressor):
+class LawRegressor(ForceLaw, FlowLaw, SignalRegressor):
     r"""Apply a law to a volume that an earlier step of the pipeline gives.
 
     .. math:: y = a\,V + b_\varepsilon \frac{\partial V}{\partial\varepsilon} + b_P \frac{\partial V}{\partial P}
@@ -31,17 +30,8 @@ class LawRegressor(SignalRegressor):
     Parameters
     ----------
     law : {"quasi_static", "thermodynamic"} or Law, default="quasi_static"
-        Force by virtual work, flow by the first law, or any `pamid.laws.base.Law`.
-    rest_length : float, default=0.2
-        L₀ of the muscle, m; read by ``"quasi_static"``.
-    atmospheric_pressure : float, default=101325
-        Ambient pressure, Pa, absolute; read by ``"quasi_static"``.
-    heat_capacity_ratio : float, default=1.4
-        γ, dimensionless; read by ``"thermodynamic"``, as are the next two.
-    gas_constant : float, default=287
-        R, J/(kg K).
-    temperature : float, default=293
-        T, K.
+        Force by virtual work, for `rest_length` and `atmospheric_pressure`; flow by the first law, for
+        `heat_capacity_ratio`, `gas_constant` and `temperature`; or any `pamid.laws.base.Law`.
     signals : dict, optional
         Column of X for each of ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute), ``dP`` (Pa/s), ``V`` (m³), ``V_eps``
         (m³) and ``V_P`` (m³/Pa).
@@ -63,15 +53,12 @@ class LawRegressor(SignalRegressor):
     law: Any = "quasi_static"
     _: KW_ONLY
     rest_length: float = 0.2
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    heat_capacity_ratio: float = HEAT_CAPACITY_RATIO
-    gas_constant: float = GAS_CONSTANT
-    temperature: float = TEMPERATURE
 
+    equations = ()
     reads: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
     _checked = ({}, {"law": "thermodynamic"})
 
-    def laws(self) -> tuple[Law]:
+    def laws(self) -> tuple[Law, ...]:
         """Return the law that is applied."""
         if self.law == "quasi_static":
             return (force_of(self),)

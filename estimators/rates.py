@@ -71,10 +71,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         What one unit of each input adds to the rate, likewise.
     time_index_ : int or None
         Position of the time column.
-    n_features_in_ : int
-        Number of columns seen by `fit`.
-    feature_names_in_ : ndarray of str
-        Names of the columns seen by `fit`, where they have names.
 
     See Also
     --------

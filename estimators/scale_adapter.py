@@ -130,15 +130,10 @@ class ScaleAdapter(AdaptedModel):
     def _wanted(self, model: HybridModel) -> tuple[str, ...]:
         """Return the scales asked for; raise for those that no data of these laws could tell."""
         equations = {law.equation for law in model.laws()}
-        if isinstance(self.scales, str):
-            if self.scales != "auto":
-                raise UnknownOptionError(
-                    f"scales={self.scales!r}.", f"'auto' or some of {', '.join(SCALES)}", "Correct it."
-                )
-            return {"force": ("diameter",), "flow": ("diameter", "dead_volume")}.get(
-                next(iter(equations)) if len(equations) == 1 else "", SCALES
-            )
-        wanted = tuple(self.scales)
+        if isinstance(self.scales, str) and self.scales == "auto":
+            own = {"force": ("diameter",), "flow": ("diameter", "dead_volume")}
+            return own.get(next(iter(equations)), SCALES) if len(equations) == 1 else SCALES
+        wanted = () if isinstance(self.scales, str) else tuple(self.scales)
         if not wanted or set(wanted) - set(SCALES) or len(set(wanted)) < len(wanted):
             raise UnknownOptionError(
                 f"scales={self.scales!r}.", f"'auto' or some of {', '.join(SCALES)}", "Correct it."

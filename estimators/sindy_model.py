@@ -63,8 +63,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         For each state the terms that were kept, and their coefficients.
     equations_ : list of str
         The dynamics, written out.
-    scaled_coef_ : ndarray, shape (n_states, n_terms)
-        Coefficients for signals in units of `signal_scales_`.
 
     See Also
     --------
@@ -131,11 +129,9 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         ShortTrajectoryError
             If a run is shorter than the smoothing window.
         """
-        columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
-        self._check_library(self.reads)
-        warn_of_still_columns(self._signals(columns, self.reads), self.reads, type(self).__name__)
-        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._fit_library(self._signals(columns, self.reads), self.reads, rates, np.ones(len(columns)))
+        signals, rates, weights = self._rows(X, y, groups, reset=True, ensure_min_samples=2)
+        warn_of_still_columns(signals, self.reads, type(self).__name__)
+        self._fit_library(signals, self.reads, rates, weights)
         return self._named()
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
@@ -151,10 +147,15 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         """
         if not hasattr(self, "factor_"):
             return self.fit(X, y, groups)
-        columns, y = self._read(X, y, reset=False)
-        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._take_in(self._signals(columns, self.reads), rates, np.ones(len(columns)))
+        self._take_in(*self._rows(X, y, groups, reset=False))
         return self._named()
+
+    def _rows(self, X: Any, y: Any, groups: Any, **how: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return states and inputs, rates and weights."""
+        columns, y = self._read(X, y, **how)
+        self._check_library(self.reads)
+        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
+        return self._signals(columns, self.reads), rates, np.ones(len(columns))
 
     def _named(self) -> Self:
         """Set what the coefficients are called."""

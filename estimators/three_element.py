@@ -83,12 +83,8 @@ class ThreeElement(EmpiricalForce):
     parameters_ : dict of str to float
         ``F0``, ``F1``, ... (N), ``K_fill0``, ``K_vent0``, ... (N/m), ``B_fill0``, ``B_vent0``, ...
         (N s/m) at the knots.
-    at_bound_ : list of str
-        Fitted parameters that lie on a bound, such as a damping that would be negative.
     eps_low_, eps_high_ : float
         Range of contraction of the fit.
-    n_iter_ : int
-        1.
 
     See Also
     --------
