@@ -101,6 +101,10 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     held_out_errors_ : list of dict
         Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
         and ``both`` (a fresh fit that reads the source's prediction).
+
+    See Also
+    --------
+    QAdapter : Starts at the target's size by a factor on the volume.
     """
 
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS

@@ -92,6 +92,11 @@ class HybridModel(LawModel):
         The identified volume.
     effects_ : list of Effect
         The identified effects, in physical units.
+
+    References
+    ----------
+    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
+    artificial muscles", 2025: Equations 3 (force) and 5 (flow), Algorithm 1, Table 1.
     """
 
     _settings: ClassVar = {"": {}, "published network": {"volume_model": "neural"}}

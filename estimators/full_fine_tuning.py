@@ -15,10 +15,6 @@ class FullFineTuning(AdaptedModel):
     It starts at the source's own volume, so a target of another size is far away at first; `QAdapter` starts at its
     size. The prior is the source: the penalty is :math:`\lambda\lVert\theta-\theta_\mathrm{source}\rVert^2`.
 
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
-
     References
     ----------
     G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic

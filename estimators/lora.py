@@ -23,10 +23,6 @@ class LoRA(AdaptedModel):
         Rank of the product for each layer, from the input on; 0 leaves a layer as it is. The default counts the 1,288
         parameters of the published table on the published network; the shapes in its text would be 2,312.
 
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
-
     References
     ----------
     E. J. Hu et al., "LoRA: low-rank adaptation of large language models", 2021.

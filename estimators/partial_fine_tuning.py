@@ -19,10 +19,6 @@ class PartialFineTuning(AdaptedModel):
     layers : tuple of int, default=(0,)
         Layers to train, counted from 0 at the input. The published choice is the first one, 640 parameters.
 
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
-
     References
     ----------
     G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic

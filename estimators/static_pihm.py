@@ -29,11 +29,6 @@ class StaticPIHM(ForceLaw, HybridModel):
     ThermodynamicPIHM : The same for mass flow.
     JointPIHM : One volume for both.
 
-    References
-    ----------
-    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
-    artificial muscles", 2025: Equation 3, Algorithm 1, Table 1.
-
     Examples
     --------
     >>> import numpy as np, pandas as pd

@@ -38,10 +38,14 @@ def parameters(cls: type[T]) -> type[T]:
 
 
 def explain(cls: type) -> None:
-    """Complete the docstring of a class from those of its bases."""
+    """Complete the docstring of a class from those of its bases: entries, and sections that are shared as a whole."""
     doc, bases = Docstring(cls.__doc__), [Docstring(base.__doc__) for base in bases_of(cls)]
     doc.take("Parameters", bases, list(inspect.signature(cls).parameters.values()))
     doc.take("Attributes", bases)
+    for section in ("See Also", "References"):
+        told = [base.sections[section] for base in (doc, *bases) if section in base.sections]
+        if told:
+            doc.sections[section] = told[0]
     cls.__doc__ = str(doc)
 
 
