@@ -21,7 +21,7 @@ from pamid.volume.scaled import ScaledVolume
 from ._base import fitted_attributes, state_of
 from ._blend import FEW_TRAJECTORIES, Blending
 from ._hybrid_fit import (
-    Samples,
+    FitSamples,
     arrays_of,
     check_parameters,
     checked_weight,
@@ -139,7 +139,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
 
         return adapter_named(self.base)
 
-    def _place(self, model: HybridModel, rows: Samples) -> None:
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
         """Bring the source's volume to the target's size before anything is trained."""
 
     # --- fitting ------------------------------------------------------------------------------------------------
@@ -173,7 +173,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         check_parameters(model)
         warn_before(model, state, Y)
         _warn_of_one_direction(state, weight)
-        rows = Samples(table, Y, weight, trajectory_codes(X, groups)).without_repeats()
+        rows = FitSamples(table, Y, weight, trajectory_codes(X, groups)).without_repeats()
         model.input_range_ = span_of(np.column_stack(state_of(model, rows.table)))
         model.target_scale_ = np.array([spread_of(y_, rows.weight) for y_ in rows.Y.T])
         in_units(model, self._trainer_as_given())
@@ -216,7 +216,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         self,
         model: HybridModel,
         source: HybridModel,
-        rows: Samples,
+        rows: FitSamples,
         rng: Any,
         original: tuple[Any, Any],
         going_on: bool,

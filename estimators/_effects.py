@@ -19,7 +19,7 @@ from ._base import SignalEstimator, state_of
 from ._trajectories import TRAJECTORY, trajectory_codes
 
 if TYPE_CHECKING:
-    from ._pihm import HybridModel
+    from ._hybrid import HybridParameters
 
 ROUNDS = 2
 """Rounds in which geometry and effects are fitted alternately, each to the other's residual."""
@@ -33,13 +33,13 @@ class Seen(NamedTuple):
     added: np.ndarray | None
 
 
-def fitted_effects(model: HybridModel) -> list[Effect]:
+def fitted_effects(model: HybridParameters) -> list[Effect]:
     """Return the identified effects of a fitted model."""
     values: dict[str, dict[str, float]] = getattr(model, "effect_values_", {})
     return [make_effect(name, **given) for name, given in values.items()]
 
 
-def chosen_effects(model: HybridModel) -> list[Effect]:
+def chosen_effects(model: HybridParameters) -> list[Effect]:
     """Return the effects that a model asks for, checked against its laws."""
     if model.effects is None:
         return []
@@ -62,7 +62,7 @@ def chosen_effects(model: HybridModel) -> list[Effect]:
     return chosen
 
 
-def plant_of(model: HybridModel) -> Plant:
+def plant_of(model: HybridParameters) -> Plant:
     """Return the muscle as effects see it: a braid of 25° of its length and diameter."""
     return Plant.of_muscle(model.rest_length, model.rest_diameter, atmospheric_pressure=model.atmospheric_pressure)
 
@@ -90,7 +90,7 @@ def whole_log(model: SignalEstimator, X: np.ndarray) -> WholeLog:
     return WholeLog(Signals(time=time, position=eps, velocity=deps, pressure=P, pressure_rate=dP), dt, starts)
 
 
-def seen_by(model: HybridModel, X: np.ndarray) -> Seen:
+def seen_by(model: HybridParameters, X: np.ndarray) -> Seen:
     """Return the inputs of a model's parts from a validated table."""
     effects = fitted_effects(model)
     if not effects:
@@ -105,7 +105,7 @@ def seen_by(model: HybridModel, X: np.ndarray) -> Seen:
     return Seen(state, np.column_stack([*state, *_remembered(terms)]), added)
 
 
-def fit_model_effects(model: HybridModel, X: np.ndarray, Y: np.ndarray, weight: np.ndarray, rng: Any) -> None:
+def fit_model_effects(model: HybridParameters, X: np.ndarray, Y: np.ndarray, weight: np.ndarray, rng: Any) -> None:
     """Identify geometry and effects in turns, and keep the effects in the model."""
     from pamid.training.anchor import fit_anchor
 

@@ -197,7 +197,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         if names:
             lower, upper = (np.array(b, dtype=float) for b in zip(*limits, strict=True))
             begin = np.array([values[n] for n in names], dtype=float)
-            search = _Search(predict, y_, weight, names, begin, lower, upper)
+            search = _GeometrySearch(predict, y_, weight, names, begin, lower, upper)
             solution = search.best({"clusters": clusters, "max_iter": self.max_iter})
             values |= dict(zip(names, solution.x.tolist(), strict=True))
             errors |= dict(zip(names, np.sqrt(np.maximum(np.diag(solution.covariance), 0.0)).tolist(), strict=True))
@@ -217,7 +217,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)
 
 
-class _Search(NamedTuple):
+class _GeometrySearch(NamedTuple):
     """A bounded least-squares problem of named parameters, and the user's start."""
 
     predict: Callable[[np.ndarray], np.ndarray]

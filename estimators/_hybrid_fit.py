@@ -24,7 +24,7 @@ from pamid.signals.state import State
 from ._checks import row_weights
 
 if TYPE_CHECKING:
-    from ._pihm import HybridModel
+    from ._hybrid import HybridParameters
 
 VOLUMES = ("anchored", "neural")
 
@@ -35,7 +35,7 @@ AUTO_TRAJECTORIES = 5
 """Number of runs below which ``validation_fraction="auto"`` holds none out."""
 
 
-def check_parameters(model: HybridModel) -> None:
+def check_parameters(model: HybridParameters) -> None:
     """Raise where a parameter of a hybrid model is out of range."""
     if model.volume_model not in VOLUMES:
         raise UnknownOptionError(
@@ -56,7 +56,7 @@ def check_parameters(model: HybridModel) -> None:
         raise UnknownOptionError(f"dtype={model.dtype!r} is not known.", "'float32' or 'float64'", "Choose one.")
 
 
-def warn_before(model: HybridModel, state: State, Y: np.ndarray) -> None:
+def warn_before(model: HybridParameters, state: State, Y: np.ndarray) -> None:
     """Warn about units and about data that hardly tell what is to be identified, before a fit spends its time."""
     targets = {law.target: Y[:, k] for k, law in enumerate(model.laws())}
     check_units(state._asdict() | targets, ambient_pressure=model.atmospheric_pressure)
@@ -70,7 +70,7 @@ def warn_before(model: HybridModel, state: State, Y: np.ndarray) -> None:
             )
 
 
-class Samples(NamedTuple):
+class FitSamples(NamedTuple):
     """What a hybrid model is fitted to: a validated table, targets of shape (n, n_laws), weights, runs."""
 
     table: np.ndarray
@@ -78,15 +78,17 @@ class Samples(NamedTuple):
     weight: np.ndarray
     codes: np.ndarray | None
 
-    def without_repeats(self) -> Samples:
+    def without_repeats(self) -> FitSamples:
         """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
         unit = np.zeros(len(self.Y), dtype=int) if self.codes is None else self.codes
         rows = Rows(np.column_stack([self.table, unit]), self.Y, self.weight, unit).at(self.weight > 0)
         rows = merged(rows, whole=False)
-        return Samples(rows.X[:, :-1], rows.y, rows.weight, None if self.codes is None else rows.unit)
+        return FitSamples(rows.X[:, :-1], rows.y, rows.weight, None if self.codes is None else rows.unit)
 
 
-def early_stopping_rows(model: HybridModel, codes: np.ndarray | None, n: int, rng: Any, trainer: Any) -> np.ndarray:
+def early_stopping_rows(
+    model: HybridParameters, codes: np.ndarray | None, n: int, rng: Any, trainer: Any
+) -> np.ndarray:
     """Draw the whole runs that early stopping watches."""
     fraction = AUTO_FRACTION if model.validation_fraction == "auto" else float(model.validation_fraction)
     if model.validation_fraction == "auto" and trainer.keeps_last:
@@ -112,7 +114,7 @@ def early_stopping_rows(model: HybridModel, codes: np.ndarray | None, n: int, rn
 
 
 def training_problem(
-    model: HybridModel, state: State, Y: np.ndarray, weight: np.ndarray, inputs: np.ndarray | None = None
+    model: HybridParameters, state: State, Y: np.ndarray, weight: np.ndarray, inputs: np.ndarray | None = None
 ) -> Any:
     """Put the laws into the network's coordinates, one block of rows a law."""
     import torch
@@ -137,7 +139,7 @@ def training_problem(
     return TrainingProblem.from_arrays(*stacked, dtype=getattr(torch, model.dtype), device=model.device)
 
 
-def volume_scale(model: HybridModel, state: State, inputs: np.ndarray, weight: np.ndarray) -> float:
+def volume_scale(model: HybridParameters, state: State, inputs: np.ndarray, weight: np.ndarray) -> float:
     """Choose the volume of one unit of output, so that the laws' targets are of the order of one."""
     _, slope = model.input_scale_.apply(inputs)
     logs = []
@@ -149,7 +151,7 @@ def volume_scale(model: HybridModel, state: State, inputs: np.ndarray, weight: n
     return float(np.exp(np.mean(logs)))
 
 
-def in_units(model: HybridModel, trainer: Any) -> None:
+def in_units(model: HybridParameters, trainer: Any) -> None:
     """Put a fitted scale into the units that a trainer asks for, where it has one for all laws."""
     laws = model.laws()
     if trainer.units is None or not all(law.equation in trainer.units.targets for law in laws):
@@ -157,7 +159,7 @@ def in_units(model: HybridModel, trainer: Any) -> None:
     model.target_scale_ = np.array([trainer.units.targets[law.equation] for law in laws])
 
 
-def network_in_units(model: HybridModel, trainer: Any) -> None:
+def network_in_units(model: HybridParameters, trainer: Any) -> None:
     """Convert a published network to the units of its trainer; a correction to a geometry keeps its own."""
     in_units(model, trainer)
     units, scale = trainer.units, model.input_scale_

@@ -18,7 +18,7 @@ from ._effects import Seen, seen_by
 if TYPE_CHECKING:
     from pamid.laws.base import Law
 
-    from ._pihm import HybridModel
+    from ._hybrid import HybridParameters
 
 CHUNK = 2048
 """Rows evaluated at a time: what a layer leaves stays in the cache, and memory stays flat however long the log."""
@@ -30,12 +30,12 @@ OUTSIDE = 0.01
 """Share of samples outside the range that is worth a warning."""
 
 
-def network_of(model: HybridModel) -> NeuralVolume:
+def network_of(model: HybridParameters) -> NeuralVolume:
     """Return the learnt part of the volume."""
     return NeuralVolume(model.weights_, model.input_scale_, model.volume_scale_, model.activation)
 
 
-def jets(model: HybridModel, seen: Seen, alone: bool = False) -> Iterator[tuple[slice, State, VolumeJet]]:
+def jets(model: HybridParameters, seen: Seen, alone: bool = False) -> Iterator[tuple[slice, State, VolumeJet]]:
     """Yield rows, their state and their volume (its slope in the contraction alone, if so), some rows at a time."""
     network, anchor = network_of(model), model.anchor_
     n = len(seen.inputs)
@@ -53,13 +53,13 @@ def jets(model: HybridModel, seen: Seen, alone: bool = False) -> Iterator[tuple[
         yield rows, state, jet
 
 
-def jet_of(model: HybridModel, X: np.ndarray) -> VolumeJet:
+def jet_of(model: HybridParameters, X: np.ndarray) -> VolumeJet:
     """Return the identified volume and its derivatives at the rows of a validated table."""
     parts = [jet for _, _, jet in jets(model, seen_by(model, X))]
     return VolumeJet(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def predicted(model: HybridModel, X: np.ndarray, laws: Sequence[Law] | None = None) -> np.ndarray:
+def predicted(model: HybridParameters, X: np.ndarray, laws: Sequence[Law] | None = None) -> np.ndarray:
     """Apply every law, or others, to the identified volume, and add the effects; shape (n_samples, n_laws)."""
     seen, laws = seen_by(model, X), model.laws() if laws is None else laws
     # Without effects the inputs are the signals as they are, which need not be taken out of the table twice.

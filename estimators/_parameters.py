@@ -175,7 +175,7 @@ class TakesFrames:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         for name in ("fit", "partial_fit", "predict", "score", "transform"):
-            if hasattr(cls, name) and "groups" in inspect.signature(getattr(cls, name)).parameters:
+            if name in dir(cls) and "groups" in inspect.signature(getattr(cls, name)).parameters:
                 setattr(cls, f"__metadata_request__{name}", {"groups": True})
         super().__init_subclass__(**kwargs)
         for name in [n for n in dir(cls) if not n.startswith("_")]:

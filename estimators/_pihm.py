@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
-from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.effects import Effect
 from pamid.errors import IncompatibleError
-from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
@@ -21,8 +17,9 @@ from pamid.volume.neural import InputScale
 
 from ._base import state_of
 from ._effects import fit_model_effects, fitted_effects, seen_by
+from ._hybrid import HybridParameters
 from ._hybrid_fit import (
-    Samples,
+    FitSamples,
     arrays_of,
     check_parameters,
     checked_weight,
@@ -39,59 +36,12 @@ from ._hybrid_fit import (
 )
 from ._hybrid_use import jet_of, network_of, predicted
 from ._laws import LawModel
-from ._parameters import parameters
 from ._progress import fit_progress
 from ._trajectories import trajectory_codes
 
 
-@parameters
-class HybridModel(LawModel):
+class HybridModel(LawModel, HybridParameters):
     """Base of the hybrid estimators; a subclass names its laws.
-
-    Parameters
-    ----------
-    volume_model : {"anchored", "neural"}
-        ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
-        (`pamid.volume.contact.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far
-        better.
-    hidden_layer_sizes : tuple of int
-        Widths of the hidden layers.
-    activation : {"softplus", "tanh", "silu"}
-        Smooth activation of the hidden layers.
-    trainer : {"levenberg_marquardt", "adam"} or Trainer
-        ``"adam"`` is Algorithm 1 as printed, with its hyperparameters. A `pamid.training.Trainer` can be given to
-        set or search all of its parameters.
-    max_iter, batch_size, weight_decay : optional
-        Override those of the trainer.
-    validation_fraction : float or "auto"
-        Share of whole runs held out for early stopping; the model that is best on them is kept, which is what
-        keeps a correction from following the errors of estimated rates. Needs ``groups`` or a ``trajectory`` column;
-        ``"auto"`` is 0.2 where one of them names five runs or more, and 0 elsewhere and with
-        ``trainer="adam"``, which as printed keeps its last epoch.
-    effects : sequence of str or Effect, or dict of str to dict, optional
-        Named effects of `pamid.effects` that act as well, such as ``["tube", "pressure_hysteresis"]``: sensor lags,
-        memory, friction, leaks; a dict gives their start values. Geometry and effects are identified alternately; the
-        network learns the remainder, with the states of the effects as inputs. X is then a DataFrame of whole runs in
-        order of time, with ``time`` (s) and ``trajectory``; rows that only advance these states get a sample weight of
-        0.
-    signals : dict, optional
-        Column of X, by name or position, for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute)
-        and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
-    dtype : {"float64", "float32"}
-        Floating type of the training.
-    random_state : int, RandomState or None
-        Seed of the initial weights and of the draws of samples.
-
-    Attributes
-    ----------
-    weights_ : list of ndarray
-        Weights and biases of the network in turn.
-    anchor_ : ContactVolume or None
-        The fitted geometric anchor.
-    volume_ : VolumeModel
-        The identified volume.
-    effects_ : list of Effect
-        The identified effects, in physical units.
 
     References
     ----------
@@ -105,33 +55,6 @@ class HybridModel(LawModel):
         _small | {"max_iter": 8},
         _small | {"trainer": "adam", "max_iter": 20, "batch_size": 4096},
     )
-
-    rest_length: float = 0.2
-    rest_diameter: float = 0.02
-    _: KW_ONLY
-    volume_model: str = "anchored"
-    hidden_layer_sizes: Sequence[int] = (128, 128)
-    activation: str = "softplus"
-    trainer: Any = "levenberg_marquardt"
-    max_iter: int | None = None
-    batch_size: int | None = None
-    weight_decay: float | None = None
-    validation_fraction: float | str = "auto"
-    effects: Sequence[Any] | Mapping[str, Mapping[str, float]] | None = None
-    dtype: str = "float64"
-    device: str = "cpu"
-    random_state: Any = None
-
-    atmospheric_pressure: float = field(default=ATMOSPHERIC_PRESSURE, init=False)
-    effect_values_: dict[str, dict[str, float]] = field(init=False)
-    weights_: list[np.ndarray] = field(init=False)
-    input_scale_: InputScale = field(init=False)
-    volume_scale_: float = field(init=False)
-    anchor_: VolumeModel | None = field(init=False)
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
-        return (*STATE_SIGNALS, "time") if self.effects else STATE_SIGNALS
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
@@ -166,7 +89,7 @@ class HybridModel(LawModel):
         warn_before(self, state_of(self, X), Y)
         codes = trajectory_codes(original[0], groups)
         if not self.effects:  # which remember every row
-            X, Y, weight, codes = Samples(X, Y, weight, codes).without_repeats()
+            X, Y, weight, codes = FitSamples(X, Y, weight, codes).without_repeats()
         fit_model_effects(self, X, Y, weight, rng)
         state, inputs, added = seen_by(self, X)
         Y = Y if added is None else Y - added
@@ -176,7 +99,7 @@ class HybridModel(LawModel):
         self.input_scale_ = InputScale.of(inputs, train, correction=anchored)
         self.input_range_ = span_of(np.column_stack(state_of(self, X))[train > 0])
         self.target_scale_ = np.array([spread_of(Y[:, k], train) for k in range(len(laws))])
-        self.anchor_ = None
+        self.anchor_: VolumeModel | None = None
         if anchored:
             # A handful of parameters needs every run; held-out runs judge only the correction.
             self.anchor_ = fit_anchor(

@@ -11,7 +11,7 @@ import numpy as np
 from pamid.errors import AdaptationWarning, IncompatibleError, ParameterError
 
 from ._adaptation import AdaptedModel
-from ._hybrid_fit import Samples
+from ._hybrid_fit import FitSamples
 from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
@@ -139,7 +139,7 @@ class QAdapter(AdaptedModel):
             )
         return float(self.initial), spread
 
-    def _place(self, model: HybridModel, rows: Samples) -> None:
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
         table, Y, weight, codes = rows
         guess, relative = self._first_guess()
         f = predicted(model, table) / model.target_scale_

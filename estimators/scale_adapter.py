@@ -12,7 +12,7 @@ from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
 from ._base import state_of
-from ._hybrid_fit import Samples
+from ._hybrid_fit import FitSamples
 from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
@@ -101,7 +101,7 @@ class ScaleAdapter(AdaptedModel):
 
     method = "scales"
 
-    def _place(self, model: HybridModel, rows: Samples) -> None:
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
         table, Y, weight, codes = rows
         source = hybrid_of(self.source, type(self).__name__)
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length
