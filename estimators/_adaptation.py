@@ -121,6 +121,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     batch_size: int | None = None
     weight_decay: float | str | None = "auto"
     validation_fraction: float | str = 0.0
+    blend: bool | str = "auto"
     warm_start: bool = False
     device: str = "cpu"
     random_state: Any = None

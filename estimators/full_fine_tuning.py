@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY
-
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
 
@@ -34,8 +32,5 @@ class FullFineTuning(AdaptedModel):
     >>> bool(B.score(X, 1.2 * F) > 0.99)
     True
     """
-
-    _: KW_ONLY
-    blend: bool | str = "auto"
 
     method = "full"

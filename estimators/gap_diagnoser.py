@@ -148,10 +148,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     ('cause', ('viscous_friction',))
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True, "where": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
-
     nominal: Any = None
     effects: str | Sequence[str] = "all"
     _: KW_ONLY

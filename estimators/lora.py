@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
 from typing import Any
 
 from ._adaptation import AdaptedModel
@@ -44,8 +43,6 @@ class LoRA(AdaptedModel):
     """
 
     ranks: Sequence[int] = (2, 4)
-    _: KW_ONLY
-    blend: bool | str = "auto"
 
     method = "lora"
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
 from typing import Any
 
 from ._adaptation import AdaptedModel
@@ -40,8 +39,6 @@ class PartialFineTuning(AdaptedModel):
     """
 
     layers: Sequence[int] = (0,)
-    _: KW_ONLY
-    blend: bool | str = "auto"
 
     method = "partial"
 

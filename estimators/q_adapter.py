@@ -89,7 +89,6 @@ class QAdapter(AdaptedModel):
     _: KW_ONLY
     base: Any = "full"
     size_uncertainty: tuple[float, float] = (0.02, 0.05)
-    blend: bool | str = "auto"
 
     method = "q"
 

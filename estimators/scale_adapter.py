@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -98,6 +98,7 @@ class ScaleAdapter(AdaptedModel):
     scales: Sequence[str] | str = "auto"
     _: KW_ONLY
     base: Any = "frozen"
+    blend: bool | str = field(default=False, init=False)
 
     method = "scales"
 
