@@ -26,11 +26,12 @@ from pamid.errors import (
     TruncatedLogError,
     UnknownOptionError,
 )
-from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
+from pamid.gap.design.bench import Bench
+from pamid.gap.design.family import KINDS, DesignedRun, Limits
 from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
 from pamid.gap.design.score import Discrimination
-from pamid.gap.design.search import Bench, _known, plan_next
+from pamid.gap.design.search import _known, plan_next
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.several import Conditions, diagnose_logs, read_conditions
@@ -249,7 +250,7 @@ def test_after_no_gap_nothing_is_called_undecided() -> None:
 def test_drawn_runs_keep_the_limits() -> None:
     rng, limits = np.random.default_rng(0), Limits(angle=15.0, rate=100.0, frequency=9.0, pressure=5e4, shut=False)
     for kind in [k for k in KINDS if k != "sealed"] * 6:
-        for run in (first := draw(rng, limits, kind), near(rng, first, limits)):
+        for run in (first := limits.draw(rng, kind), limits.near(rng, first, 0.25)):
             told = run.trajectory("x")
             assert np.degrees(np.abs(told.q_ref).max()) <= 15.0 + 1e-6
             rate = np.degrees(np.abs(np.diff(told.q_ref[told.lead :])).max()) * 1e3

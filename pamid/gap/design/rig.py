@@ -1,9 +1,12 @@
-"""What a design needs to know about a rig: the runs that it can make, and how to simulate them with an explanation."""
+"""What the planner knows of a rig: the runs that it allows, how they are simulated, and what they would show."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from ...errors import ParameterError
 
 if TYPE_CHECKING:
     import numpy as np
@@ -11,20 +14,25 @@ if TYPE_CHECKING:
 
     from ..inference.gauss_newton import Fit
 
+DESIGNS, FEW = 200, 30
+"""Number of designs that are tried: usually, and for each change of the rig that nobody has declared."""
 
-class AnyRun(Protocol):
-    """A run of a rig's family."""
 
-    kind: str
-    seconds: float
+class Run(Protocol):
+    """A run of a family."""
+
+    @property
+    def kind(self) -> str:
+        """What it mostly does."""
+        ...
 
     @property
     def words(self) -> str:
-        """What the run is, for a reader."""
+        """What it is, for a reader."""
         ...
 
     def as_dict(self) -> dict[str, Any]:
-        """Return the numbers of the run."""
+        """Return its numbers."""
         ...
 
     def set_points(self, name: str) -> pd.DataFrame:
@@ -32,36 +40,52 @@ class AnyRun(Protocol):
         ...
 
 
-class AnyLimits(Protocol):
-    """What a rig allows."""
+class Family(ABC):
+    """The runs that a rig allows, within its limits."""
+
+    seconds: float
+    runs: int
+    options: ClassVar[str]
+    """Options of the command line that widen the limits."""
+    header: ClassVar[str]
+    """First line of a file of its runs."""
 
     @property
-    def seconds(self) -> float:
-        """Time of all runs together, s."""
-        ...
+    def each(self) -> float:
+        """Length of each run, s."""
+        return self.seconds / self.runs
 
     @property
-    def runs(self) -> int:
-        """Most runs."""
-        ...
+    @abstractmethod
+    def kinds(self) -> tuple[str, ...]:
+        """The kinds of runs that are allowed."""
 
-    @property
-    def options(self) -> str:
-        """Options of the command line that widen them."""
-        ...
+    @abstractmethod
+    def draw(self, rng: np.random.Generator, kind: str) -> Any:
+        """Draw a run of a kind."""
 
-    @property
-    def header(self) -> str:
-        """First line of a file of its runs."""
-        ...
+    @abstractmethod
+    def near(self, rng: np.random.Generator, run: Any, share: float) -> Any:
+        """Draw a run of the same kind close to another one, within a share of the limits."""
+
+    def _refuse_times(self, least: float, most: float, expected: str) -> None:
+        """Raise where the number of runs or the length of each is not allowed."""
+        if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
+            raise ParameterError(f"runs is {self.runs!r}.", "1 to 5 runs", "Ask for fewer; diagnose after each set.")
+        if not least <= self.each <= most:
+            raise ParameterError(
+                f"{self.seconds:g} s shared by {self.runs} runs are {self.each:g} s each.",
+                expected,
+                "Give more seconds, or ask for fewer runs.",
+            )
 
 
 class Rig(Protocol):
-    """A rig, for a design."""
+    """A bench, a system or any other simulator with its logs, for the planner."""
 
     @property
     def limits(self) -> Any:
-        """What it allows."""
+        """The runs that it allows, a `Family`."""
         ...
 
     @property
@@ -70,16 +94,26 @@ class Rig(Protocol):
         ...
 
     @property
-    def kinds(self) -> Sequence[str]:
-        """The kinds of runs that there can be."""
+    def designs(self) -> int:
+        """Number of designs that are tried by default."""
         ...
 
-    def draw(self, rng: np.random.Generator, kind: str) -> Any:
-        """Draw a run of a kind."""
+    @property
+    def changes(self) -> Sequence[Mapping[str, float]]:
+        """Changes of it that are possible."""
         ...
 
-    def near(self, rng: np.random.Generator, run: Any, share: float) -> Any:
-        """Draw a run close to another one, within a share of the limits."""
+    @property
+    def proposals(self) -> Sequence[Mapping[str, float]]:
+        """Changes to try where none is declared and no run distinguishes."""
+        ...
+
+    def changed(self, change: Mapping[str, float]) -> Rig:
+        """Return it after a change."""
+        ...
+
+    def library(self, effects: Sequence[str]) -> list[str]:
+        """Return those of some effects that may act on it."""
         ...
 
     def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:

@@ -9,12 +9,12 @@ from pathlib import Path
 from ...bench.references import Trajectory
 from ...errors import LogFormatError, ParameterError
 from .family import DesignedRun, Limits
-from .rig import AnyRun
+from .rig import Run
 
 _LIMIT = 1 << 20
 
 
-def runs_text(runs: Sequence[AnyRun], names: Sequence[str], header: str = Limits.header) -> str:
+def runs_text(runs: Sequence[Run], names: Sequence[str], header: str = Limits.header) -> str:
     """Return runs as the text of a file."""
     lines = [f"# {header}", ""]
     for run, name in zip(runs, names, strict=True):
