@@ -28,10 +28,11 @@ from pamid.errors import (
 )
 from pamid.gap.design.bench import Bench
 from pamid.gap.design.family import KINDS, DesignedRun, Limits
+from pamid.gap.design.known import fit_of, known_of
 from pamid.gap.design.plan import Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
 from pamid.gap.design.score import Discrimination
-from pamid.gap.design.search import _known, plan_next
+from pamid.gap.design.search import plan_next
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.several import Conditions, diagnose_logs, read_conditions
@@ -445,7 +446,7 @@ def test_parameters_that_a_run_determines_cost_evidence(healthy: pd.DataFrame) -
         Rival({n: v}, {}, 0.0, 0.5) for n, v in zip(("coulomb_friction", "stribeck_friction"), values, strict=True)
     ]
     rng = np.random.default_rng(0)
-    known = [_known(bench, r, rng) for r in rivals]
+    known = [known_of(bench.logs, fit_of(r, bench.logs[0]), 0.5, rng) for r in rivals]
     trial = Evidence(simulate(NOMINAL, [sine(8, 15, 500)], seed=5), NOMINAL)
     told = Discrimination(trial, known, forms=False)
     H = [k.precision.copy() for k in known]

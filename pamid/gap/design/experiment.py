@@ -1,15 +1,104 @@
-"""The run that a diagnosis of one equation proposes: signals within the range of its log."""
+"""The run that a diagnosis itself proposes: for a bench of a short list, for an equation within the range of its log."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from ...bench import references
+from ...errors import ExcitationError
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
+from ..residuals.bench import Evidence
+from ..residuals.protocol import Spec
 from ..residuals.single import SignalEvidence
+from ..settings import DECIDED
+from .bench import Bench
+from .family import Limits
+from .known import fit_of, known_of
+from .plan import TELLS
 from .port_family import PortLimits, within_limits
 from .ports import EquationRig
+from .score import Discrimination
 from .search import plan_as_is
+
+if TYPE_CHECKING:
+    from ..diagnosis.decide import Verdict
+
+SAMPLES = 2000
+
+
+class StandardRun:
+    """A run of a bench as ``pamid simulate --trajectory`` takes it."""
+
+    def __init__(self, kind: str, **numbers: float) -> None:
+        self.kind, self.numbers = kind, numbers
+
+    def trajectory(self, name: str) -> references.Trajectory:
+        """Return the references of the controller."""
+        return replace(getattr(references, self.kind)(**self.numbers, samples=SAMPLES), name=name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return its numbers."""
+        return {"kind": self.kind, **self.numbers}
+
+
+STANDARD = [
+    StandardRun("sine", frequency=1.0, amplitude=15.0),
+    StandardRun("sine", frequency=10.0, amplitude=15.0),
+    StandardRun("triangle", frequency=1.0, amplitude=20.0),
+    StandardRun("step", start=0.0, end=20.0),
+    StandardRun("multisine", frequency=10.0, amplitude=10.0),
+    StandardRun("hold", angle=10.0),
+    StandardRun("sealed_hold", angle=10.0),
+    StandardRun("isobaric", frequency=4.0, amplitude=10.0),
+    StandardRun("isometric", angle=0.0, rise=1e5),
+]
+"""What a bench can easily record."""
+
+
+def next_experiment(
+    evidence: Evidence, verdict: Verdict, here: Callable[[Spec], Spec] = dict
+) -> tuple[NextExperiment | None, tuple[str, ...]]:
+    """Return the next run to record on a bench and the two explanations that it separates, or None."""
+    two = [here(spec) for spec in _closest(verdict)]
+    names = tuple(next((n for n in a if n not in b), "") for a, b in zip(two, reversed(two), strict=True))
+    if len(two) < 2 or not all(names):
+        return None, ()
+    rig, rng = Bench(evidence.params, [evidence], Limits()), np.random.default_rng(0)
+    known = [known_of(rig.logs, fit_of(Rival(spec, {}, 0.0, 0.5), evidence), 0.5, rng) for spec in two]
+    try:
+        table, there = rig.recorded(STANDARD, known[0].fit)
+    except ExcitationError:
+        return None, ()
+    told = Discrimination(rig.evidence(table), known, forms=False)
+    nats = [float(told.between([k])[0, 1]) for k in range(len(there))]
+    best = int(np.argmax(nats))
+    if nats[best] < TELLS:
+        return None, names
+    reason = (
+        f"{names[0]} and {names[1]}, each refitted, would differ in log-likelihood by about {nats[best]:.0f} "
+        f"over a run of {SAMPLES * references.PERIOD:g} s"
+    )
+    return NextExperiment(STANDARD[there[best]].as_dict(), names, nats[best], reason), names
+
+
+def _closest(verdict: Verdict) -> list[Spec]:
+    """Return the two explanations closest to each other; none where one is clearly ahead."""
+    best, outcome = verdict.outcome.best, verdict.outcome
+    if verdict.named:
+        others = [[h for h in ranked if n not in h.names] for n, ranked in outcome.alternatives.items()]
+        pairs = [(best, ranked[0]) for ranked in others if ranked]
+    else:
+        alone = [h for h in outcome.refitted if len(h.names) == 1][:2] if verdict.kind == "unknown" else []
+        pairs = [(alone[0], alone[1])] if len(alone) == 2 else []
+    one, other = min(pairs, key=lambda two: two[0].score - two[1].score, default=(best, None))
+    if other is None or one.score - other.score >= DECIDED:
+        return []
+    return [one.fit.spec, other.fit.spec]
 
 
 def next_for_equation(

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from ...effects import Parameter
+from ..diagnosis.rivals import Rival
 from ..inference.discrepancy import Discrepancy
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.occam import occam_of, possible
@@ -118,6 +119,12 @@ def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[f
     """Return the gain of an effect, from its amplitudes, in which it is linear."""
     a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
     return 0.5 * float(a @ known @ a)
+
+
+def fit_of(rival: Rival, log: Evidence) -> Fit:
+    """Return an explanation as a fit to a log."""
+    x = np.array([float(rival.deviations.get(name, 0.0)) for name in log.free])
+    return Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
 
 
 def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:

@@ -21,7 +21,7 @@ from ..residuals.rates import with_rates
 from ..residuals.single import SignalEvidence, Stated
 from ..settings import SEARCH_ROWS
 from ..simulated import evidence_of
-from .known import cleaned
+from .known import cleaned, fit_of
 from .port_family import PortLimits, PortRun, within_limits
 from .rig import DESIGNS, FEW, Rig
 
@@ -215,7 +215,7 @@ def noise_of(logs: Sequence[Any], best: Rival) -> dict[str, float]:
     """Return the noise of each equation over that of the readings, by the residuals of the likeliest explanation."""
     found: dict[str, list[float]] = {}
     for log in logs:
-        x = np.array([float(best.deviations.get(name, 0.0)) for name in log.free])
+        x = fit_of(best, log).x
         left = cleaned(log)(log.tangent(best.effects, x) + log.slopes(best.effects, x) @ x)
         for equation, part in zip(log.equations, log.parts, strict=True):
             if part.stop > part.start:  # the median of |x| is 0.6745 standard deviations

@@ -13,9 +13,8 @@ import numpy as np
 from ...bench.parameters import BenchParameters
 from ...errors import ExcitationError
 from ..diagnosis.rivals import Rival
-from ..inference.gauss_newton import Fit
 from .bench import bench_rig
-from .known import Known, known_of
+from .known import Known, fit_of, known_of
 from .plan import AS_IT_IS, TELLS, Expected, Plan
 from .ports import port_rig
 from .rig import FEW, Rig, Run
@@ -124,17 +123,11 @@ def plan_as_is(
     if not chosen:
         return Plan("none", [], rig.limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
     rng = np.random.default_rng(seed)
-    known = [_known(rig, r, rng, DRAWS if asked == "discriminate" else 0) for r in chosen]
+    draws = DRAWS if asked == "discriminate" else 0
+    known = [known_of(rig.logs, fit_of(r, rig.logs[-1]), r.belief, rng, draws) for r in chosen]
     search = _Search(rig, known, asked, rng, say)
     search.look(designs)
     return search.plan()
-
-
-def _known(rig: Rig, rival: Rival, rng: np.random.Generator, draws: int = 0) -> Known:
-    free = rig.logs[-1].free
-    x = np.array([float(rival.deviations.get(name, 0.0)) for name in free])
-    fit = Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
-    return known_of(rig.logs, fit, rival.belief, rng, draws)
 
 
 class _Search:

@@ -10,6 +10,7 @@ from ..diagnosis.rivals import Rival
 from ..residuals.bench import Evidence
 from ..settings import TOLERANCE
 from .expected_cost import expected_cost
+from .known import fit_of
 
 MOST = 6
 """Number of effects that one run is designed to show."""
@@ -32,7 +33,7 @@ def unseen(logs: Sequence[Evidence], base: Rival, library: Sequence[str], shown:
 
 def _cost(log: Evidence, spec: dict[str, dict[str, float]], base: Rival) -> float:
     """Return the cost of omitting an effect from the simulator on a log, its tolerances refitted."""
-    x = np.array([float(base.deviations.get(name, 0.0)) for name in log.free])
+    x = fit_of(base, log).x
     d = log.change(spec, {}, x)
     H = log.J.T @ log.J + TOLERANCE * np.eye(len(x))
     step = np.linalg.solve(H, log.J.T @ d)
