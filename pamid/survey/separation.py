@@ -121,7 +121,7 @@ def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
 def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
     """Return the run among the diagnosis's candidates that would show or split most of the undecided effects."""
     from ..bench import simulate
-    from ..gap.design.experiment import STANDARD
+    from ..gap.design.family import STANDARD
     from ..gap.residuals.bench import Evidence
 
     if not names:

@@ -12,9 +12,9 @@ from ...bench import Controller, simulate
 from ...bench.sensors import Sensor
 from ...errors import DivergedError, ExcitationError
 from ..residuals.bench import Evidence
-from .family import DesignedRun, Limits
+from .family import DesignedRun, Limits, StandardRun
 from .followed import controller_of
-from .rig import DESIGNS, Rig
+from .rig import Rig
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,8 +28,8 @@ CHANNELS = ("q", "P", "F", "mdot")
 
 
 @dataclass(frozen=True)
-class Bench:
-    """The bench, for the planner; a `pamid.gap.design.rig.Rig`."""
+class Bench(Rig):
+    """The bench, for the planner."""
 
     params: BenchParameters
     """The simulator."""
@@ -39,25 +39,12 @@ class Bench:
     """What it allows."""
     controller: Controller | None = None
     """What moves it; the simulator's own controller by default."""
-    designs: int = DESIGNS
-    """Number of designs that are tried by default."""
-    changes: Sequence[Mapping[str, float]] = ()
-    proposals: Sequence[Mapping[str, float]] = ()
-    """No changes of it: a design leaves it as it is."""
-
-    def changed(self, change: Mapping[str, float]) -> Rig:
-        """Return it as it is."""
-        return self
-
-    def library(self, effects: Sequence[str]) -> list[str]:
-        """Return those of some effects that may act on it."""
-        return list(effects)
 
     def evidence(self, table: pd.DataFrame) -> Evidence:
         """Return a log of the bench, recorded or simulated, compared with its simulator."""
         return Evidence(table, self.params)
 
-    def recorded(self, runs: Sequence[DesignedRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
+    def recorded(self, runs: Sequence[DesignedRun | StandardRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
         """Return runs simulated with an explanation, with the indices of those that could be simulated."""
         log = self.logs[-1]
         actual = log.corrected(truth.spec, dict(zip(log.free, map(float, truth.x), strict=True)))

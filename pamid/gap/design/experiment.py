@@ -1,14 +1,13 @@
-"""The run that a diagnosis itself proposes: for a bench of a short list, for an equation within the range of its log."""
+"""The run that a diagnosis itself proposes: for a bench from a short list, for an equation within the log's range."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...bench import references
+from ...bench.references import PERIOD
 from ...errors import ExcitationError
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
@@ -17,47 +16,16 @@ from ..residuals.protocol import Spec
 from ..residuals.single import SignalEvidence
 from ..settings import DECIDED
 from .bench import Bench
-from .family import Limits
+from .family import SAMPLES, STANDARD, Limits
 from .known import fit_of, known_of
 from .plan import TELLS
-from .port_family import PortLimits, within_limits
+from .port_family import PortLimits
 from .ports import EquationRig
 from .score import Discrimination
 from .search import plan_as_is
 
 if TYPE_CHECKING:
     from ..diagnosis.decide import Verdict
-
-SAMPLES = 2000
-
-
-class StandardRun:
-    """A run of a bench as ``pamid simulate --trajectory`` takes it."""
-
-    def __init__(self, kind: str, **numbers: float) -> None:
-        self.kind, self.numbers = kind, numbers
-
-    def trajectory(self, name: str) -> references.Trajectory:
-        """Return the references of the controller."""
-        return replace(getattr(references, self.kind)(**self.numbers, samples=SAMPLES), name=name)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return its numbers."""
-        return {"kind": self.kind, **self.numbers}
-
-
-STANDARD = [
-    StandardRun("sine", frequency=1.0, amplitude=15.0),
-    StandardRun("sine", frequency=10.0, amplitude=15.0),
-    StandardRun("triangle", frequency=1.0, amplitude=20.0),
-    StandardRun("step", start=0.0, end=20.0),
-    StandardRun("multisine", frequency=10.0, amplitude=10.0),
-    StandardRun("hold", angle=10.0),
-    StandardRun("sealed_hold", angle=10.0),
-    StandardRun("isobaric", frequency=4.0, amplitude=10.0),
-    StandardRun("isometric", angle=0.0, rise=1e5),
-]
-"""What a bench can easily record."""
 
 
 def next_experiment(
@@ -81,7 +49,7 @@ def next_experiment(
         return None, names
     reason = (
         f"{names[0]} and {names[1]}, each refitted, would differ in log-likelihood by about {nats[best]:.0f} "
-        f"over a run of {SAMPLES * references.PERIOD:g} s"
+        f"over a run of {SAMPLES * PERIOD:g} s"
     )
     return NextExperiment(STANDARD[there[best]].as_dict(), names, nats[best], reason), names
 
@@ -109,10 +77,11 @@ def next_for_equation(
     seconds = round(log.usual_seconds, 9)
     if len(rivals) < 2 or round(seconds / log.dt) < 50:
         return None
-    limits = PortLimits.of([(log, evidence.driven())], seconds=seconds, kinds=("sine",))
-    if not limits.ranges:
+    driven = {name: u for name, u in evidence.driven().items() if np.ptp(u) > 0.0}
+    if not driven:
         return None
-    rig = EquationRig(evidence.given, [evidence], within_limits(limits, {}, {}, {}, [], []))
+    limits = PortLimits.of([(log, driven)], seconds=seconds, kinds=("sine",))
+    rig = EquationRig(evidence.given, [evidence], limits)
     plan = plan_as_is(rig, list(rivals)[:2], designs, "discriminate", seed=seed)
     if not plan.runs:
         return None

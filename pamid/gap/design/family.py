@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ...bench import references
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError
 from ...names import refuse_others, require_one_of
@@ -21,6 +22,15 @@ if TYPE_CHECKING:
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
 """A sine, a triangle, square steps, four sines, the joint held, a sine during which one muscle stays at constant
 pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
+READ = {
+    "hold": (),
+    "steps": ("frequency", "amplitude", "rate"),
+    "multisine": ("frequency", "amplitude", "seed"),
+    "isobaric": ("frequency", "amplitude", "muscle"),
+    "isometric": ("frequency", "rise"),
+    "sealed": ("frequency", "amplitude", "shut"),
+}
+"""What else than seconds, offset and pressure a kind reads, where that is not frequency and amplitude alone."""
 LEAST_PRESSURE = 1e3
 """Pa: a smaller change of pressure moves nothing, and was stated in bar or kPa."""
 
@@ -221,11 +231,7 @@ class DesignedRun:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run that its kind reads."""
-        read = {"kind", "seconds", "offset", "pressure"}
-        read |= set() if self.kind == "hold" else {"frequency"}
-        read |= set() if self.kind in ("hold", "isometric") else {"amplitude"}
-        read |= {"steps": {"rate"}, "multisine": {"seed"}, "isobaric": {"muscle"}}.get(self.kind, set())
-        read |= {"isometric": {"rise"}, "sealed": {"shut"}}.get(self.kind, set())
+        read = {"kind", "seconds", "offset", "pressure", *READ.get(self.kind, ("frequency", "amplitude"))}
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name in read}
 
     @classmethod
@@ -238,3 +244,36 @@ class DesignedRun:
                 "A run lacks kind or seconds.", "both", "Write for instance kind = 'sine', seconds = 4."
             )
         return cls(**found)
+
+
+SAMPLES = 2000
+"""Length of a standard run, ms."""
+
+
+class StandardRun:
+    """A run of a bench as ``pamid simulate --trajectory`` takes it."""
+
+    def __init__(self, kind: str, **numbers: float) -> None:
+        self.kind, self.numbers = kind, numbers
+
+    def trajectory(self, name: str) -> Trajectory:
+        """Return the references of the controller."""
+        return replace(getattr(references, self.kind)(**self.numbers, samples=SAMPLES), name=name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return its numbers."""
+        return {"kind": self.kind, **self.numbers}
+
+
+STANDARD = [
+    StandardRun("sine", frequency=1.0, amplitude=15.0),
+    StandardRun("sine", frequency=10.0, amplitude=15.0),
+    StandardRun("triangle", frequency=1.0, amplitude=20.0),
+    StandardRun("step", start=0.0, end=20.0),
+    StandardRun("multisine", frequency=10.0, amplitude=10.0),
+    StandardRun("hold", angle=10.0),
+    StandardRun("sealed_hold", angle=10.0),
+    StandardRun("isobaric", frequency=4.0, amplitude=10.0),
+    StandardRun("isometric", angle=0.0, rise=1e5),
+]
+"""What a bench can easily record."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ...errors import ParameterError
-from ...names import refuse_others
 from ...simulators.port_log import PortLog
 from .rig import Family
 from .tones import TONES, motion, slewed
@@ -65,17 +65,33 @@ class PortLimits(Family):
                 raise ParameterError(f"The largest rate of {name} is {rate:g}.", "a positive number", "Correct it.")
 
     @classmethod
-    def of(cls, logs: Sequence[tuple[PortLog, Mapping[str, np.ndarray]]], **given: Any) -> PortLimits:
-        """Return the limits within which inputs moved in logs, each with its inputs."""
-        ranges, rates, dt = {}, {}, logs[-1][0].dt
+    def of(
+        cls,
+        logs: Sequence[tuple[PortLog, Mapping[str, np.ndarray]]],
+        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+        rates: Mapping[str, float] = MappingProxyType({}),
+        **given: Any,
+    ) -> PortLimits:
+        """Return the limits within which inputs moved in logs, each with its inputs, and those that a user gives."""
+        dt, spans, most = logs[-1][0].dt, dict[str, tuple[float, float]](), dict[str, float]()
         for name in logs[-1][1]:
             u = np.concatenate([inputs[name] for _, inputs in logs])
             if np.ptp(u) > 0.0:
-                ranges[name] = float(np.min(u)), float(np.max(u))
-                steps = [np.abs(np.diff(inputs[name][a:b])) for log, inputs in logs for a, b in log.spans]
-                if fastest := max(float(np.max(s, initial=0.0)) for s in steps):
-                    rates[name] = fastest / dt
-        return cls(ranges, rates, dt, **given)
+                spans[name] = float(np.min(u)), float(np.max(u))
+        for name, (low, high) in (every := {**spans, **ranges}).items():
+            seen = spans.get(name, (0.0, 0.0))
+            parts = [x[name][a:b] for log, x in logs for a, b in log.spans] if name in spans else []
+            fastest = max((float(np.max(np.abs(np.diff(u)), initial=0.0)) for u in parts), default=0.0) / dt
+            # A wider range is covered in the same time.
+            usual = fastest * max(1.0, (high - low) / (seen[1] - seen[0])) if fastest else (high - low) / dt
+            most[name] = rates.get(name) or usual
+        if not every:
+            raise ParameterError(
+                "No input of the simulator moves in the logs.",
+                "an input that can be driven",
+                "Give its range: --limit u=-1:1.",
+            )
+        return cls(every, most, dt, **given)
 
     @property
     def top(self) -> float:
@@ -211,33 +227,3 @@ class PortRun:
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run."""
         return {"kind": self.kind, "seconds": self.seconds, "inputs": {n: vars(w) for n, w in self.inputs.items()}}
-
-
-def within_limits(
-    found: PortLimits,
-    limits: Mapping[str, tuple[float, float]],
-    rates: Mapping[str, float],
-    keep: Mapping[str, tuple[float, float]],
-    inputs: Sequence[str],
-    readings: Sequence[str],
-) -> PortLimits:
-    """Return limits with those that a user gives."""
-    one = f"an input: {', '.join(inputs)}"
-    refuse_others({*limits, *rates}, inputs, "Limits are given for", one, error=ParameterError)
-    one = f"a state or an output: {', '.join(readings) or 'none that a design predicts'}"
-    refuse_others(keep, readings, "Ranges to keep are given for", one, error=ParameterError)
-    ranges = {**found.ranges, **limits}
-    if not ranges:
-        raise ParameterError(
-            "No input of the simulator moves in the logs.",
-            "an input that can be driven",
-            "Give its range: --limit u=-1:1.",
-        )
-    fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
-    usual = {  # a wider range is covered in the same time
-        n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
-        for n, (low, high) in ranges.items()
-        if found.rates.get(n)
-    }
-    most = {n: rates.get(n) or usual.get(n) or fastest[n] for n in ranges}
-    return replace(found, ranges=ranges, rates=most, keeps=dict(keep))

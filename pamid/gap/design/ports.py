@@ -22,7 +22,7 @@ from ..residuals.single import SignalEvidence, Stated
 from ..settings import SEARCH_ROWS
 from ..simulated import evidence_of
 from .known import cleaned, fit_of
-from .port_family import PortLimits, PortRun, within_limits
+from .port_family import PortLimits, PortRun
 from .rig import DESIGNS, FEW, Rig
 
 if TYPE_CHECKING:
@@ -37,8 +37,8 @@ ROOM = 1.0
 
 
 @dataclass(frozen=True)
-class PortRig:
-    """A simulator with ports, for the planner; a `pamid.gap.design.rig.Rig`."""
+class PortRig(Rig):
+    """A simulator with ports, for the planner."""
 
     simulator: Simulator
     """The simulator."""
@@ -243,13 +243,18 @@ def port_rig(
         e.begin_as(each[0])
         e.measure_as(sizes)
         e.without_nuisances()
-    found = PortLimits.of(
-        [(e.log, e.driven()) for e in each], seconds=seconds or round(runs * last.log.usual_seconds, 9), runs=runs,
+    limits, rates, keep = limits or {}, rates or {}, keep or {}
+    inputs = list(last.driven()) if one else simulator.inputs
+    readings = [] if one else [*simulator.states, *simulator.outputs]
+    expected = f"an input: {', '.join(inputs)}"
+    refuse_others({*limits, *rates}, inputs, "Limits are given for", expected, error=ParameterError)
+    expected = f"a state or an output: {', '.join(readings) or 'none that a design predicts'}"
+    refuse_others(keep, readings, "Ranges to keep are given for", expected, error=ParameterError)
+    allowed = PortLimits.of(
+        [(e.log, e.driven()) for e in each], limits, rates, keeps=dict(keep),
+        seconds=seconds or round(runs * last.log.usual_seconds, 9), runs=runs,
         columns={p.name: p.source for p in simulator.ports},
     )  # fmt: skip
-    may_move = list(last.driven()) if one else simulator.inputs
-    readings = [] if one else [*simulator.states, *simulator.outputs]
-    allowed = within_limits(found, limits or {}, rates or {}, keep or {}, may_move, readings)
     best = next((r for r in rivals if r.effects.keys() <= last.placements.keys()), None)
     noise = noise_of(each, best) if best else {}
     return (EquationRig if one else PortRig)(states, each, allowed, noise, changes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from ...errors import ParameterError
 
@@ -18,30 +18,8 @@ DESIGNS, FEW = 200, 30
 """Number of designs that are tried: usually, and for each change of the rig that nobody has declared."""
 
 
-class Run(Protocol):
-    """A run of a family."""
-
-    @property
-    def kind(self) -> str:
-        """What it mostly does."""
-        ...
-
-    @property
-    def words(self) -> str:
-        """What it is, for a reader."""
-        ...
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return its numbers."""
-        ...
-
-    def set_points(self, name: str) -> pd.DataFrame:
-        """Return the references of the rig, sample by sample."""
-        ...
-
-
 class Family(ABC):
-    """The runs that a rig allows, within its limits."""
+    """The runs that a rig allows, within its limits: each has a kind, words, numbers and set points."""
 
     seconds: float
     runs: int
@@ -80,46 +58,38 @@ class Family(ABC):
             )
 
 
-class Rig(Protocol):
+class Rig(ABC):
     """A bench, a system or any other simulator with its logs, for the planner."""
 
-    @property
-    def limits(self) -> Any:
-        """The runs that it allows, a `Family`."""
-        ...
+    limits: Any
+    """The runs that it allows, a `Family`."""
+    logs: Sequence[Any]
+    """The logs of its present state, each with its simulator as evidence."""
+    changes: Sequence[Mapping[str, float]] = ()
+    """Changes of it that are possible."""
 
-    @property
-    def logs(self) -> Sequence[Any]:
-        """The logs of its present state, each with its simulator as evidence."""
-        ...
+    @abstractmethod
+    def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
+        """Return runs simulated with an explanation, with the indices of those that could be simulated."""
+
+    @abstractmethod
+    def evidence(self, table: pd.DataFrame) -> Any:
+        """Return the evidence of a log, as `logs` are."""
 
     @property
     def designs(self) -> int:
         """Number of designs that are tried by default."""
-        ...
-
-    @property
-    def changes(self) -> Sequence[Mapping[str, float]]:
-        """Changes of it that are possible."""
-        ...
+        return DESIGNS
 
     @property
     def proposals(self) -> Sequence[Mapping[str, float]]:
         """Changes to try where none is declared and no run distinguishes."""
-        ...
+        return ()
 
     def changed(self, change: Mapping[str, float]) -> Rig:
         """Return it after a change."""
-        ...
+        return self
 
-    def library(self, effects: Sequence[str]) -> list[str]:
+    def library(self, effects: str | Sequence[str]) -> list[str]:
         """Return those of some effects that may act on it."""
-        ...
-
-    def recorded(self, runs: Sequence[Any], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
-        """Return runs simulated with an explanation, with the indices of those that could be simulated."""
-        ...
-
-    def evidence(self, table: pd.DataFrame) -> Any:
-        """Return the evidence of a log, as `logs` are."""
-        ...
+        return list(effects)

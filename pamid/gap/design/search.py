@@ -13,13 +13,15 @@ import numpy as np
 from ...bench.parameters import BenchParameters
 from ...errors import ExcitationError
 from ..diagnosis.rivals import Rival
+from ..residuals.protocol import ResidualSource
+from ..settings import TOLERANCE
 from .bench import bench_rig
+from .expected_cost import expected_cost
 from .known import Known, fit_of, known_of
 from .plan import AS_IT_IS, TELLS, Expected, Plan
 from .ports import port_rig
-from .rig import FEW, Rig, Run
+from .rig import FEW, Rig
 from .score import Discrimination, gained, right_first, shown
-from .unseen import unseen
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,6 +44,8 @@ NARROWS = 0.1
 """Gain in information about parameters, in nats, from which a run is worth its time: intervals narrower by a tenth."""
 SAFER = 1e-3
 """Value of a factor e between the weakest pairs of two runs, in nats: a tie-breaker only."""
+HIDDEN = 6
+"""Effects that one run is designed to show, of those that the logs so far could not have shown."""
 SAMPLED = 5
 """Number of random runs that are evaluated like the best."""
 Z80 = 1.2816
@@ -116,7 +120,7 @@ def plan_as_is(
     asked = "discriminate" if len(chosen) > 1 else "parameters"
     if not chosen and purpose != "parameters" and rivals:
         # There is no evidence for an effect. Those that would not have shown may still be present.
-        chosen, asked = unseen(rig.logs, rivals[0], rig.library(library), TELLS), "unseen"
+        chosen, asked = unseen(rig.logs, rivals[0], rig.library(library)), "unseen"
         chosen = chosen if len(chosen) > 1 else []
     total = sum(r.belief for r in chosen) or 1.0
     chosen = [replace(r, belief=r.belief / total) for r in chosen]  # of those that are compared
@@ -130,25 +134,51 @@ def plan_as_is(
     return search.plan()
 
 
+def unseen(logs: Sequence[ResidualSource], base: Rival, library: Sequence[str]) -> list[Rival]:
+    """Return no effect, and the effects that would hardly have shown in logs at their typical size."""
+    found = []
+    for name in library:
+        if not any(log.touched([name]) for log in logs):
+            continue  # no run shows an effect on a channel that no equation reads
+        typical = {p.name: float(p.nominal) for p in logs[0].effects[name].parameters}
+        cost = sum(_cost(log, {name: typical}, base) for log in logs)
+        if cost < TELLS:
+            found.append((cost, Rival({name: typical}, dict(base.deviations), 0.0, 0.0)))
+    found.sort(key=lambda f: f[0])
+    rivals = [base, *(rival for _, rival in found[:HIDDEN])]
+    return [Rival(r.effects, r.deviations, r.score, 1.0 / len(rivals)) for r in rivals]
+
+
+def _cost(log: ResidualSource, spec: dict[str, dict[str, float]], base: Rival) -> float:
+    """Return the cost of omitting an effect from the simulator on a log, its tolerances refitted."""
+    x = fit_of(base, log).x
+    d = log.change(spec, {}, x)
+    H = log.J.T @ log.J + TOLERANCE * np.eye(len(x))
+    step = np.linalg.solve(H, log.J.T @ d)
+    left = d - log.J @ step
+    parts = [float(expected_cost(left[part, None], 0.0)[0][0]) for part in log.parts if part.stop > part.start]
+    return sum(parts) + 0.5 * TOLERANCE * float(step @ step)
+
+
 class _Search:
     def __init__(self, rig: Rig, known: Sequence[Known], purpose: str, rng: np.random.Generator, say: Say) -> None:
         self.rig, self.known, self.limits, self.purpose = rig, list(known), rig.limits, purpose
         self.rng, self.say = rng, say
         self.beliefs = np.array([k.belief for k in known])
-        self.found: list[tuple[float, Run]] = []
-        self.seen: list[tuple[Run, pd.DataFrame]] = []
+        self.found: list[tuple[float, Any]] = []
+        self.seen: list[tuple[Any, pd.DataFrame]] = []
         self.looked, self.usual = 0, 0.0
-        self.random: list[Run] = []
+        self.random: list[Any] = []
 
     # --- one batch of designs -------------------------------------------------------------------------------
-    def trial(self, runs: Sequence[Run], truth: Known) -> tuple[Any, list[int]]:
+    def trial(self, runs: Sequence[Any], truth: Known) -> tuple[Any, list[int]]:
         """Simulate runs with an explanation; runs that cannot be simulated are left out."""
         table, there = self.rig.recorded(runs, truth.fit)
         if truth is self.known[0]:
             self.seen += [(runs[int(str(name))], run) for name, run in table.groupby("trajectory", sort=False)]
         return self.rig.evidence(table), there
 
-    def seen_again(self, runs: Sequence[Run]) -> Any:
+    def seen_again(self, runs: Sequence[Any]) -> Any:
         """Return the designs evaluated so far, simulated with the likeliest explanation."""
         import pandas as pd
 
@@ -156,7 +186,7 @@ class _Search:
         parts = [table.assign(trajectory=str(k)) for k, table in enumerate(of)]
         return self.rig.evidence(pd.concat(parts, ignore_index=True))
 
-    def _take(self, runs: Sequence[Run]) -> None:
+    def _take(self, runs: Sequence[Any]) -> None:
         """Rank runs among those found so far, by a preview with the likeliest explanation."""
         trial, there = self.trial(runs, self.known[0])
         told = Discrimination(trial, self.known, forms=self.purpose == "parameters")
@@ -230,7 +260,7 @@ class _Search:
             "needed": self.limits.seconds * TELLS / top if 0.03 * TELLS < top < TELLS else float("nan"),
         }  # fmt: skip
 
-    def _told(self, runs: Sequence[Run]) -> dict[int, Discrimination]:
+    def _told(self, runs: Sequence[Any]) -> dict[int, Discrimination]:
         """Return the information of runs, simulated with each explanation that may well be true."""
         told = {0: Discrimination(self.seen_again(runs), self.known)}
         for i, truth in enumerate(self.known[1:], start=1):
@@ -248,11 +278,11 @@ class _Search:
         told, rights = ([f(outlook, self.beliefs) for outlook in each] for f in (gained, right_first))
         return float(np.median(told)), float(np.median(rights))
 
-    def _pool(self) -> list[Run]:
+    def _pool(self) -> list[Any]:
         """Return the designs to evaluate exactly: the best, of several kinds where several runs are wanted."""
         several = self.limits.runs > 1
         wanted, ranked = max(FINAL, 3 * self.limits.runs) if several else FINAL, [run for _, run in self.found]
-        pool: list[Run] = []
+        pool: list[Any] = []
         for kind in dict.fromkeys(run.kind for run in ranked):
             pool += [run for run in ranked if run.kind == kind][: 2 if several else 1]
         pool = [run for run in ranked if run in pool][:wanted]
