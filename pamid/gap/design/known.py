@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
@@ -80,35 +80,29 @@ class Known:
         )
         return np.asarray(schur * np.outer(size[keep], size[keep]))
 
-    def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
-        """Return for each effect the places, parameters and values of its parameters."""
-        slots = self.slots
-        mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
-        return [
-            (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
-        ]
+    def each(self, H: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, list[Parameter], list[float], float]]:
+        """Yield for each effect the places, precision, parameters, values and gain where that of all coefficients is H.
+
+        The gain is that of its amplitudes, in which it is linear.
+        """
+        known = self.curvature(H)
+        for name, values in self.fit.spec.items():
+            at = [q for q, (effect, _) in enumerate(self.slots) if effect == name]
+            parameters, mine = [self.slots[q][1] for q in at], known[np.ix_(at, at)]
+            a = np.array([values[p.name] if p.linear else 0.0 for p in parameters])
+            yield np.array(at), mine, parameters, [values[p.name] for p in parameters], 0.5 * float(a @ mine @ a)
 
     def price(self, H: np.ndarray, windows: float) -> float:
         """Return the price of the parameters in evidence where the precision of all coefficients is H."""
-        if not self.fit.spec:
-            return 0.0
-        known = self.curvature(H)
-        return sum(
-            occam_of(
-                known[np.ix_(at, at)], windows, parameters, values, _gain(known[np.ix_(at, at)], parameters, values)
-            )
-            for at, parameters, values in self.each()
-        )
+        each = self.each(H) if self.fit.spec else ()
+        return sum((occam_of(mine, windows, of, values, gain) for _, mine, of, values, gain in each), 0.0)
 
     @property
     def reach(self) -> np.ndarray:
         """Prior widths of tolerances and parameters about their values."""
         out = np.full(len(self.precision), np.inf)
-        if self.fit.spec:
-            m, known = len(self.fit.x), self.curvature(self.precision)
-            for at, parameters, values in self.each():
-                mine = known[np.ix_(at, at)]
-                out[m + np.array(at)] = possible(mine, parameters, values, _gain(mine, parameters, values))
+        for at, mine, of, values, gain in self.each(self.precision) if self.fit.spec else ():
+            out[len(self.fit.x) + at] = possible(mine, of, values, gain)
         return np.maximum(out, 1e-12)
 
     @property
@@ -117,12 +111,6 @@ class Known:
         linear = np.array([p.linear for _, p in self.slots], dtype=bool)
         free = np.concatenate([np.ones(len(self.fit.x), dtype=bool), linear])
         return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
-
-
-def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
-    """Return the gain of an effect, from its amplitudes, in which it is linear."""
-    a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
-    return 0.5 * float(a @ known @ a)
 
 
 def fit_of(rival: Rival, log: ResidualSource) -> Fit:
