@@ -27,9 +27,9 @@ from pamid.errors import (
     UnknownOptionError,
 )
 from pamid.gap.design.bench import Bench
-from pamid.gap.design.family import KINDS, DesignedRun, Limits
+from pamid.gap.design.family import KINDS, STANDARD, DesignedRun, Limits
 from pamid.gap.design.known import fit_of, known_of
-from pamid.gap.design.plan import Plan
+from pamid.gap.design.plan import TELLS, Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
 from pamid.gap.design.score import Discrimination
 from pamid.gap.design.search import plan_next
@@ -384,6 +384,8 @@ def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() ->
     assert len(found.causes[0].effects) > 1
     assert found.next_experiment is not None
     assert set(found.next_experiment.separates) <= set(library)
+    assert found.next_experiment.trajectory in [run.as_dict() for run in STANDARD]
+    assert found.next_experiment.expected >= TELLS
 
 
 def test_a_second_cause_takes_no_confidence_from_the_first() -> None:

@@ -45,7 +45,7 @@ def next_experiment(
     told = Discrimination(rig.evidence(table), known, forms=False)
     nats = [float(told.between([k])[0, 1]) for k in range(len(there))]
     best = int(np.argmax(nats))
-    if nats[best] < TELLS:
+    if not nats[best] >= TELLS:
         return None, names
     reason = (
         f"{names[0]} and {names[1]}, each refitted, would differ in log-likelihood by about {nats[best]:.0f} "
