@@ -92,12 +92,12 @@ class Arm:
 
     def next_run(self) -> Reference:
         """Return the run to record next."""
-        from pamid.gap.design.family import DesignedRun, Limits, draw
+        from pamid.gap.design.family import DesignedRun, Limits
         from pamid.gap.design.search import plan_next
 
         k = len(self.rounds)
         limits = Limits(seconds=SECONDS)
-        run = STANDARD[k] if self.name == "standard" else draw(self.rng, limits)
+        run = STANDARD[k] if self.name == "standard" else limits.draw(self.rng, str(self.rng.choice(limits.kinds)))
         if self.name == "designed":
             began = time.process_time()
             self.plan = plan_next(

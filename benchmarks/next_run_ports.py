@@ -256,10 +256,8 @@ def _first(found: Any) -> str:
 
 def _random(system: System, limits: Any, p: Numbers, cause: tuple[str, float], rng: np.random.Generator) -> Any:
     """Return a run drawn from the family that stays where readings may be."""
-    from pamid.gap.design.port_family import draw
-
     for _ in range(DRAWS):
-        run = draw(rng, limits, str(rng.choice(limits.kinds)))
+        run = limits.draw(rng, str(rng.choice(limits.kinds)))
         log = record(system, run.values()[system.ports[0][0]], p, cause, rng)
         if all(log[n].between(*span).all() for n, span in system.keep.items()):
             return run

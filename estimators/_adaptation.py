@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from abc import abstractmethod
 from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
@@ -22,23 +21,26 @@ from pamid.volume.scaled import ScaledVolume
 from ._base import fitted_attributes, state_of
 from ._blend import FEW_TRAJECTORIES, Blending
 from ._hybrid_fit import (
+    FitSamples,
     arrays_of,
     check_parameters,
     checked_weight,
+    counted_rows,
     early_stopping_rows,
     in_units,
+    overridden,
     span_of,
+    split_problem,
     spread_of,
     training_problem,
     warn_before,
-    without_repeats,
 )
 from ._hybrid_use import jet_of
-from ._law_model import LawModel
+from ._laws import LawModel
 from ._parameters import parameters
 from ._pihm import HybridModel
 from ._progress import fit_progress
-from ._source import hybrid_of
+from ._source import hybrid_of, tiny_source
 from ._trajectories import trajectory_codes
 from ._typed import TransformerMixin
 
@@ -81,8 +83,6 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         Whether another ``fit`` continues the present adaptation.
     signals : dict, optional
         Column of X for each of the signals ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute) and ``dP`` (Pa/s).
-    device : str
-        Where to train, for instance ``"cuda"``.
     random_state : int, RandomState or None
         Seed of the draws.
 
@@ -101,12 +101,10 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     held_out_errors_ : list of dict
         Root mean square errors on held-out samples, in the target's unit: ``adapted``, ``fresh`` (without the source)
         and ``both`` (a fresh fit that reads the source's prediction).
-    n_iter_ : int
-        Iterations of the trainer.
-    loss_curve_, validation_curve_ : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    status_ : str
-        Why the training ended.
+
+    See Also
+    --------
+    QAdapter : Starts at the target's size by a factor on the volume.
     """
 
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
@@ -123,6 +121,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     batch_size: int | None = None
     weight_decay: float | str | None = "auto"
     validation_fraction: float | str = 0.0
+    blend: bool | str = "auto"
     warm_start: bool = False
     device: str = "cpu"
     random_state: Any = None
@@ -132,11 +131,16 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
     loss_curve_: list[float] = field(init=False)
     validation_curve_: list[float] = field(init=False)
 
-    @abstractmethod
+    base: Any = field(default="full", init=False)
+    """How the network is adapted: the name of an adapter, or one with its parameters."""
+
     def _adapter(self) -> Any:
         """Return the adapter of the network's parameters."""
+        from pamid.adapters.registry import adapter_named
 
-    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+        return adapter_named(self.base)
+
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
         """Bring the source's volume to the target's size before anything is trained."""
 
     # --- fitting ------------------------------------------------------------------------------------------------
@@ -170,26 +174,16 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         check_parameters(model)
         warn_before(model, state, Y)
         _warn_of_one_direction(state, weight)
-        table, Y, weight, codes = without_repeats(table, Y, weight, trajectory_codes(X, groups))
-        state = state_of(model, table)
-        model.input_range_ = span_of(np.column_stack(state))
-        model.target_scale_ = np.array([spread_of(Y[:, k], weight) for k in range(Y.shape[1])])
+        rows = FitSamples(table, Y, weight, trajectory_codes(X, groups)).without_repeats()
+        model.input_range_ = span_of(np.column_stack(state_of(model, rows.table)))
+        model.target_scale_ = np.array([spread_of(y_, rows.weight) for y_ in rows.Y.T])
         in_units(model, self._trainer_as_given())
         if not going_on:
-            self._place(model, table, Y, weight, codes)
-        self._train(model, source, table, Y, weight, codes, rng, (X, y), going_on)
+            self._place(model, rows)
+        self._train(model, source, rows, rng, (X, y), going_on)
         self.model_ = model
         self._remember(X, y, sample_weight, groups)
         return self
-
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of the target muscle: the adaptation, from the source, to all rows so far.
-
-        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them, factors on
-        the volume included; beyond, that of a fair sample of the stream. A change of the muscle is not detected here:
-        `pamid.online.ChangeMonitor` does that, and `fit` starts again. Memory does not grow.
-        """
-        return self._partial_fit_rows(X, y, sample_weight, groups)
 
     def _target(self, base: HybridModel) -> HybridModel:
         """Return a model of the target that starts as a copy of another one; its arrays are never written to."""
@@ -223,10 +217,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         self,
         model: HybridModel,
         source: HybridModel,
-        table: np.ndarray,
-        Y: np.ndarray,
-        weight: np.ndarray,
-        codes: Any,
+        rows: FitSamples,
         rng: Any,
         original: tuple[Any, Any],
         going_on: bool,
@@ -236,7 +227,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         from pamid.adapters.base import Bound, n_parameters
         from pamid.training.trainer import mean_squared_residual
 
-        state, dtype = state_of(model, table), getattr(torch, model.dtype)
+        (table, Y, weight, codes), dtype = rows, getattr(torch, model.dtype)
         self.start_ = source.weights_
         start = [torch.as_tensor(w, dtype=dtype, device=model.device) for w in self.start_]
         bound = Bound(self._bound_adapter(), start)
@@ -245,11 +236,11 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         if going_on and [tuple(p.shape) for p in psi] == [p.shape for p in self.psi_]:
             psi = [torch.as_tensor(p, dtype=dtype, device=model.device) for p in self.psi_]
         self.psi_ = arrays_of(psi)
-        problem = training_problem(model, state, Y, weight)
-        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+        problem = training_problem(model, state_of(model, table), Y, weight)
+        counted = counted_rows(Y, weight)
         stacked = None if codes is None else np.tile(codes, Y.shape[1])[counted]
         self.weight_decay_ = self._strength(problem, origin, model, bound, stacked, rng) if psi else np.inf
-        self._weigh(model, table, Y, weight, codes, (problem, bound, origin))
+        self._weigh(model, rows, (problem, bound, origin))
         self.n_parameters_ = n_parameters(psi) + int(self._counts_scale)
         self.n_iter_, self.status_, self.validation_curve_ = 1, "converged", []
         if not np.isfinite(self.weight_decay_):
@@ -259,10 +250,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
             return
         self._warn_of_weak_prior(len(problem))
         trainer = self._trainer(self.weight_decay_)
-        split = (problem, None)
-        held_out = early_stopping_rows(model, codes, len(table), rng, trainer)
-        if held_out.any():
-            split = problem.split(torch.as_tensor(np.tile(held_out, Y.shape[1])[counted], device=model.device))
+        split = split_problem(problem, early_stopping_rows(model, codes, len(table), rng, trainer), counted)
         with fit_progress(self, X=original[0], y=original[1], max_epochs=trainer.max_iter) as progress:
             result = trainer.run(
                 split[0],
@@ -320,8 +308,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
 
     def _trainer(self, weight_decay: float) -> Any:
         trainer = self._trainer_as_given().set_params(weight_decay=weight_decay)
-        wanted = {"max_iter": self.max_iter, "batch_size": self.batch_size}
-        return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
+        return overridden(trainer, self, "max_iter", "batch_size")
 
     def _warn_of_weak_prior(self, n_samples: int) -> None:
         """Warn where more parameters than samples are trained under next to no prior."""
@@ -355,26 +342,13 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return (self.model_ if hasattr(self, "model_") else hybrid_of(self.source, type(self).__name__)).laws()
 
     def volume(self, X: Any) -> VolumeJet:
-        """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
-        """
+        """Return the adapted volume and its derivatives at each sample; warns where they make no physical sense."""
         check_is_fitted(self, "model_")
         return self.model_.volume(X)
 
     def transform(self, X: Any) -> Any:
-        """Append the adapted volume and its derivatives to the signals.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_columns + 3)
-            X with V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) appended, a DataFrame where X is one.
-        """
-        check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        """Append the adapted volume and its derivatives to the signals: V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa)."""
+        table = self._read_fitted(X, "model_")
         columns = np.column_stack(jet_of(self.model_, table))
         asked = getattr(self, "_sklearn_output_config", {}).get("transform")
         if isinstance(X, pd.DataFrame) and asked != "default":
@@ -386,20 +360,12 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return np.concatenate([table, columns], axis=1)
 
     def fit_transform(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Any:
-        """Adapt, and append the adapted volume and its derivatives to the signals.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_columns + 3)
-            As `transform`.
-        """
+        """Adapt, and append the adapted volume and its derivatives to the signals."""
         return self.fit(X, y, sample_weight, groups).transform(X)
 
     @classmethod
     def _tiny(cls, **settings: Any) -> Self:
         """Return an adapter of a small source, for the checks that all estimators pass."""
-        from ._tiny_source import tiny_source
-
         return cls(tiny_source(), signals=dict.fromkeys(STATE_SIGNALS, 0), **settings)
 
     @classmethod
@@ -407,13 +373,7 @@ class AdaptedModel(Blending, TransformerMixin, LawModel):
         return [cls._tiny(max_iter=5)]
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Name the columns that `transform` returns.
-
-        Returns
-        -------
-        ndarray of str
-            The names of X, then ``V``, ``V_eps``, ``V_P``.
-        """
+        """Name the columns that `transform` returns: those of X, then ``V``, ``V_eps``, ``V_P``."""
         check_is_fitted(self, "model_")
         return np.array([*_check_feature_names_in(self, input_features), *VOLUME_COLUMNS], dtype=object)
 
@@ -436,6 +396,3 @@ def _warn_of_one_direction(state: State, weight: np.ndarray) -> None:
                 ExcitationWarning,
                 stacklevel=5,
             )
-
-
-__all__ = ["AdaptedModel"]

@@ -15,8 +15,7 @@ from pamid.errors import MissingColumnError, ParameterError, ShapeError
 from pamid.signals.state import STATE_SIGNALS, State
 
 from ._checks import check_squares, row_weights
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._trajectories import TRAJECTORY, encode_text_columns
 from ._typed import BaseEstimator, RegressorMixin
 
@@ -42,10 +41,6 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     ----------
     signal_columns_ : dict of str to int
         Column of each signal.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray of str
-        Names of these columns, if they have names.
     """
 
     reads: ClassVar[tuple[str, ...]] = ()
@@ -56,6 +51,10 @@ class SignalEstimator(TakesFrames, BaseEstimator):
     """Whether it learns all of its `equations` at once, from a target with one column each."""
     outputs: ClassVar[tuple[str, ...]] = ("eps", "P")
     """Outputs whose free run it can learn, where its `equations` name the dynamic problem."""
+    _settings: ClassVar[Mapping[str, Mapping[str, Any]]] = {"": {}}
+    """What `settings` returns, where it is the same for all its `equations`."""
+    _checked: ClassVar[Sequence[Mapping[str, Any]]] = ()
+    """Parameters of the instances that the common checks run on; without `signals` all are the first column."""
 
     _: KW_ONLY
     signals: Signals | None = None
@@ -74,7 +73,15 @@ class SignalEstimator(TakesFrames, BaseEstimator):
         dict of str to dict
             Parameters by a short name, "" for the defaults.
         """
-        return {"": {}}
+        return {name: dict(given) for name, given in cls._settings.items()}
+
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
+        made = [cls(**given) for given in cls._checked]
+        for estimator in made:
+            if estimator.signals is None:
+                estimator.signals = dict.fromkeys(estimator.reads, 0)
+        return made
 
     def _check_fitted(self, attribute: str) -> None:
         """Raise if not fitted, as scikit-learn does; its own look takes a tenth of the time of a prediction."""
@@ -96,6 +103,11 @@ class SignalEstimator(TakesFrames, BaseEstimator):
         if reset:
             self.signal_columns_ = self._locate(X.shape[1])
         return X, y
+
+    def _read_fitted(self, X: Any, attribute: str) -> np.ndarray:
+        """Validate X for an estimator whose fit has set an attribute."""
+        self._check_fitted(attribute)
+        return self._read(X, reset=False)[0]
 
     def _read_columns(self) -> set[str]:
         """Names of the columns that are read as signals, which must hold numbers."""

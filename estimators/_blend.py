@@ -13,6 +13,7 @@ from pamid.errors import AdaptationWarning, ExtrapolationWarning, ParameterError
 from pamid.signals.state import State
 
 from ._base import state_of
+from ._hybrid_fit import FitSamples
 from ._hybrid_use import predicted
 from ._pihm import HybridModel
 from ._source import hybrid_of
@@ -61,17 +62,9 @@ class Blending:
         # The published algorithm stays as published unless asked.
         return bool(self.blend) if self.blend != "auto" else isinstance(self._trainer_as_given(), LevenbergMarquardt)
 
-    def _weigh(
-        self,
-        model: HybridModel,
-        table: np.ndarray,
-        Y: np.ndarray,
-        weight: np.ndarray,
-        codes: np.ndarray | None,
-        linear: tuple[Any, Any, Any],
-    ) -> None:
+    def _weigh(self, model: HybridModel, samples: FitSamples, linear: tuple[Any, Any, Any]) -> None:
         """Measure for each target the held-out error of the adapted model, of a fresh fit and of both."""
-        laws = model.laws()
+        laws, (table, Y, weight, codes) = model.laws(), samples
         self.blend_, self.source_kept_ = np.zeros(len(laws)), np.ones(len(laws))
         self.processes_, self.held_out_errors_ = [None] * len(laws), [{} for _ in laws]
         if not self._blends():

@@ -1,4 +1,4 @@
-"""What the classical estimators share: signals in, a law over a fitted volume model, a volume out."""
+"""What the classical estimators share: named parameters, signals in, a law over a fitted volume model, a volume out."""
 
 from __future__ import annotations
 
@@ -20,6 +20,42 @@ from ._base import SignalRegressor, state_of
 from ._trajectories import trajectory_codes
 
 
+class BoundedFit:
+    """Parameters by name, each fitted or held, with units and errors.
+
+    Parameters
+    ----------
+    max_iter : int
+        Maximum number of evaluations of the model.
+
+    Attributes
+    ----------
+    parameters_ : dict of str to float
+        Every parameter, fitted or held, SI units.
+    standard_errors_ : dict of str to float
+        Their standard errors: 0 for a held parameter, infinite for one that the data do not determine or that lies
+        on a bound. With `groups`, cluster-robust.
+    units_ : dict of str to str
+        Their units.
+    fitted_names_ : list of str
+        The parameters that were fitted, in the order of `covariance_`.
+    covariance_ : ndarray, shape (n_fitted, n_fitted)
+        Covariance of the fitted parameters.
+    at_bound_ : list of str
+        Fitted parameters that lie on a bound.
+    n_iter_ : int
+        Evaluations used.
+    """
+
+    fitted_names_: list[str]
+
+    @property
+    def n_parameters_(self) -> int:
+        """Number of fitted parameters."""
+        check_is_fitted(self, "fitted_names_")
+        return len(self.fitted_names_)
+
+
 class ClassicalRegressor(SignalRegressor):
     """A law read with a classical volume model; subclasses say how the model is fitted and built."""
 
@@ -27,13 +63,7 @@ class ClassicalRegressor(SignalRegressor):
 
     @abstractmethod
     def laws(self) -> tuple[Law, ...]:
-        """Return the law that reads the volume.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+        """Return the law that reads the volume."""
 
     @abstractmethod
     def _jet(self, state: State) -> VolumeJet:
@@ -54,13 +84,7 @@ class ClassicalRegressor(SignalRegressor):
 
     # --- the way out ------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
-        """Predict what the law says of the fitted volume.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Force in N or mass flow in kg/s.
-        """
+        """Predict what the law says of the fitted volume: force in N or mass flow in kg/s."""
         check_is_fitted(self)
         X, _ = self._read(X, reset=False)
         return self._predict_state(state_of(self, X))
@@ -78,11 +102,6 @@ class ClassicalRegressor(SignalRegressor):
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
 
         Warns
         -----

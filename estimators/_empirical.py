@@ -8,7 +8,6 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ParameterError, UnknownOptionError
@@ -18,8 +17,7 @@ from pamid.signals.state import State
 from pamid.volume import FitParameter
 
 from ._base import SignalRegressor, state_of
-from ._bounded_fit import BoundedFit
-from ._classical import warn_of_still_signals
+from ._classical import BoundedFit, warn_of_still_signals
 from ._parameters import parameters
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -35,14 +33,8 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
 
     Parameters
     ----------
-    rest_length : float
-        L₀, m.
     fixed : mapping of str to float, optional
         Parameters that are held, and their values, SI units.
-    atmospheric_pressure : float
-        Pa, absolute.
-    max_iter : int
-        Maximum number of evaluations of the model.
 
     Attributes
     ----------
@@ -62,9 +54,18 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
     max_iter: int = field(default=200, init=False)
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
+    _parameters: ClassVar[tuple[FitParameter, ...]] = ()
+    """Parameters of the formula, where they do not depend on the settings."""
+    _positive: ClassVar[tuple[str, ...]] = ("rest_length",)
+    """Settings that must be above 0."""
+
     def _declared(self) -> dict[str, FitParameter]:
         """Return every parameter by name."""
-        raise NotImplementedError
+        for name in self._positive:
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"{name} is {value!r}.", "a finite number above 0", f"Correct {name}.")
+        return {p.name: p for p in self._parameters}
 
     def _force(self, values: Values, state: State) -> Any:
         """Return the force, N, for values that may be complex."""
@@ -188,15 +189,8 @@ class EmpiricalForce(Streaming, BoundedFit, SignalRegressor):
 
     # --- prediction ---------------------------------------------------------------------------------------------
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the force.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Tension, N.
-        """
-        check_is_fitted(self, "parameters_")
-        table, _ = self._read(X, reset=False)
+        """Predict the tension, N."""
+        table = self._read_fitted(X, "parameters_")
         force = np.asarray(self._force(self.parameters_, state_of(self, table)), dtype=float)
         return np.broadcast_to(force, (len(table),)).copy()
 
@@ -224,11 +218,3 @@ def _bounded(columns: np.ndarray, y: np.ndarray, weight: np.ndarray, declared: l
     solution = lsq_linear(triangle[:, :-1], triangle[:, -1], (lower, upper), method="bvls")
     out[told] = solution.x / size[told]
     return out
-
-
-def check_positive(estimator: Any, *names: str) -> None:
-    """Raise unless each named parameter is a finite number above 0."""
-    for name in names:
-        value = getattr(estimator, name)
-        if not (np.isfinite(value) and value > 0):
-            raise ParameterError(f"{name} is {value!r}.", "a finite number above 0", f"Correct {name}.")

@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, field, fields, replace
 from functools import lru_cache
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -16,8 +16,7 @@ from pamid.fitting.least_squares import Solution, fit_nonlinear
 from pamid.signals.state import State
 from pamid.volume import ClassicalVolume, FitParameter, VolumeJet, all_volumes
 
-from ._bounded_fit import BoundedFit
-from ._classical import ClassicalRegressor, warn_of_still_signals
+from ._classical import BoundedFit, ClassicalRegressor, warn_of_still_signals
 from ._parameters import parameters
 from ._streaming import Streaming
 
@@ -61,9 +60,6 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         Parameters to fit. "auto" takes those that the model declares as free.
     bounds : mapping of str to (float, float), optional
         Bounds that replace the model's own, in SI units.
-    max_iter : int
-        Maximum number of evaluations of the model.
-
     """
 
     model: str = "chou_hannaford"
@@ -160,7 +156,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
                 f"{1e3 * stated:.3g} mm. Expected the two within a factor of {IMPLAUSIBLE:g}. Check the units of force "
                 "and pressure, state the muscle's diameter as rest_diameter, or hold it by leaving it out of free.",
                 VolumeWarning,
-                stacklevel=5,
+                stacklevel=4,
             )
 
     def _predict_with(self, nominal: ClassicalVolume, values: Mapping[str, Any], state: State) -> np.ndarray:
@@ -181,12 +177,7 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
             Run of each row. It does not change the fit, only its standard errors: residuals of one
             run are then taken as dependent.
         """
-        self._fit_parameters(*self._training(X, y, sample_weight, groups))
-        self._remember(X, y, sample_weight, groups)
-        return self
-
-    def _fit_parameters(self, state: State, y: np.ndarray, weight: np.ndarray, clusters: np.ndarray | None) -> None:
-        """Fit the chosen parameters and set the fitted attributes."""
+        state, y_, weight, clusters = self._training(X, y, sample_weight, groups)
         nominal = self._nominal()
         declared = self._declared()
         self._refuse_unknown(self.start or {}, "start", declared)
@@ -206,7 +197,8 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         if names:
             lower, upper = (np.array(b, dtype=float) for b in zip(*limits, strict=True))
             begin = np.array([values[n] for n in names], dtype=float)
-            solution = self._best_of_starts(predict, y, weight, names, begin, lower, upper, clusters)
+            search = _GeometrySearch(predict, y_, weight, names, begin, lower, upper)
+            solution = search.best({"clusters": clusters, "max_iter": self.max_iter})
             values |= dict(zip(names, solution.x.tolist(), strict=True))
             errors |= dict(zip(names, np.sqrt(np.maximum(np.diag(solution.covariance), 0.0)).tolist(), strict=True))
             at_bound = [n for n, b in zip(names, solution.at_bound, strict=True) if b]
@@ -218,60 +210,58 @@ class GeometricRegressor(Streaming, BoundedFit, ClassicalRegressor):
         self.fitted_names_ = list(names)
         self.at_bound_ = at_bound
         self._warn_of_size()
+        self._remember(X, y, sample_weight, groups)
+        return self
 
-    def _best_of_starts(
-        self,
-        predict: Callable[[np.ndarray], np.ndarray],
-        y: np.ndarray,
-        weight: np.ndarray,
-        names: tuple[str, ...],
-        begin: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        clusters: np.ndarray | None,
-    ) -> Solution:
+    def _jet(self, state: State) -> VolumeJet:
+        return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)
+
+
+class _GeometrySearch(NamedTuple):
+    """A bounded least-squares problem of named parameters, and the user's start."""
+
+    predict: Callable[[np.ndarray], np.ndarray]
+    y: np.ndarray
+    weight: np.ndarray
+    names: tuple[str, ...]
+    begin: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def best(self, how: dict[str, Any]) -> Solution:
         """Fit from the user's start and from the best bare geometry; keep the better fit.
 
         The bare geometry stays out of the long flat valley that diameter and angle share.
         """
-        shared: dict[str, Any] = {"clusters": clusters, "max_iter": self.max_iter}
-        found = [fit_nonlinear(predict, y, weight, begin, lower, upper, **shared)]
-        geometry = np.array([n in ("rest_diameter", "braid_angle") for n in names])
+        found = [self.fit(self.begin, **how)]
+        geometry = np.array([n in ("rest_diameter", "braid_angle") for n in self.names])
         if geometry.all() and not found[0].at_bound.any():
             return found[0]
-        scan = self._scan(predict, y, weight, names, begin, lower, upper)
+        scan = self.scan()
         if geometry.any() and not geometry.all():
-            scan = fit_nonlinear(predict, y, weight, scan, lower, upper, held=~geometry, max_iter=self.max_iter).x
-        found.append(fit_nonlinear(predict, y, weight, scan, lower, upper, **shared))
+            scan = self.fit(scan, held=~geometry, max_iter=how["max_iter"]).x
+        found.append(self.fit(scan, **how))
         return min(found, key=lambda s: s.cost)
 
-    @staticmethod
-    def _scan(
-        predict: Callable[[np.ndarray], np.ndarray],
-        y: np.ndarray,
-        weight: np.ndarray,
-        names: tuple[str, ...],
-        begin: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-    ) -> np.ndarray:
+    def fit(self, start: np.ndarray, **how: Any) -> Solution:
+        """Fit from a start."""
+        return fit_nonlinear(self.predict, self.y, self.weight, start, self.lower, self.upper, **how)
+
+    def scan(self) -> np.ndarray:
         """Return the best of some braid angles, each with the diameter that suits it (force and flow go as D₀²)."""
-        best, least = begin, np.inf
-        angle = names.index("braid_angle") if "braid_angle" in names else None
-        diameter = names.index("rest_diameter") if "rest_diameter" in names else None
+        best, least = self.begin, np.inf
+        angle, diameter = (self.names.index(n) if n in self.names else None for n in ("braid_angle", "rest_diameter"))
         for theta in (0.2, 0.35, 0.5, 0.65, 0.8, 0.9) if angle is not None else (0.0,):
-            x = begin.copy()
+            x = self.begin.copy()
             if angle is not None:
-                x[angle] = np.clip(theta, lower[angle], upper[angle])
+                x[angle] = np.clip(theta, self.lower[angle], self.upper[angle])
             if diameter is not None:
-                f = predict(x)
-                norm = float(np.sum(weight * f * f))
-                scale = float(np.sum(weight * f * y)) / norm if norm > 0 else 1.0
-                x[diameter] = np.clip(x[diameter] * np.sqrt(max(scale, 1e-6)), lower[diameter], upper[diameter])
-            cost = float(np.sum(weight * (predict(x) - y) ** 2))
+                f = self.predict(x)
+                norm = float(np.sum(self.weight * f * f))
+                scale = float(np.sum(self.weight * f * self.y)) / norm if norm > 0 else 1.0
+                wanted = x[diameter] * np.sqrt(max(scale, 1e-6))
+                x[diameter] = np.clip(wanted, self.lower[diameter], self.upper[diameter])
+            cost = float(np.sum(self.weight * (self.predict(x) - self.y) ** 2))
             if cost < least:
                 best, least = x, cost
         return best
-
-    def _jet(self, state: State) -> VolumeJet:
-        return _changed(self._nominal(), tuple(self.parameters_.items())).jet(state)

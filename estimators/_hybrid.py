@@ -25,10 +25,6 @@ class HybridParameters(SignalEstimator):
 
     Parameters
     ----------
-    rest_length : float
-        Rest length L₀ of the muscle, m.
-    rest_diameter : float
-        Rest diameter D₀, m.
     volume_model : {"anchored", "neural"}
         ``"neural"`` is the published network. ``"anchored"`` adds the network to a geometric volume fitted first
         (`pamid.volume.contact.ContactVolume`) and lets it fade outside the data, where the model then extrapolates far
@@ -58,8 +54,6 @@ class HybridParameters(SignalEstimator):
         and ``dP`` (Pa/s). By default a DataFrame's columns of these names, or an array's four columns in this order.
     dtype : {"float64", "float32"}
         Floating type of the training.
-    device : str
-        Where to train, for instance ``"cuda"``.
     random_state : int, RandomState or None
         Seed of the initial weights and of the draws of samples.
 
@@ -73,12 +67,6 @@ class HybridParameters(SignalEstimator):
         The identified volume.
     effects_ : list of Effect
         The identified effects, in physical units.
-    n_iter_ : int
-        Iterations of the trainer.
-    loss_curve_, validation_curve_ : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    status_ : str
-        Why the training ended.
     """
 
     rest_length: float = 0.2

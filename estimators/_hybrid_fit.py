@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -70,14 +70,20 @@ def warn_before(model: HybridParameters, state: State, Y: np.ndarray) -> None:
             )
 
 
-def without_repeats(
-    table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: np.ndarray | None
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray | None]:
-    """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
-    unit = np.zeros(len(Y), dtype=int) if codes is None else codes
-    rows = Rows(np.column_stack([table, unit]), Y, weight, unit).at(weight > 0)
-    rows = merged(rows, whole=False)
-    return rows.X[:, :-1], rows.y, rows.weight, None if codes is None else rows.unit
+class FitSamples(NamedTuple):
+    """What a hybrid model is fitted to: a validated table, targets of shape (n, n_laws), weights, runs."""
+
+    table: np.ndarray
+    Y: np.ndarray
+    weight: np.ndarray
+    codes: np.ndarray | None
+
+    def without_repeats(self) -> FitSamples:
+        """Hold a row that comes several times once, with all its weight, and none without: a weight is a repetition."""
+        unit = np.zeros(len(self.Y), dtype=int) if self.codes is None else self.codes
+        rows = Rows(np.column_stack([self.table, unit]), self.Y, self.weight, unit).at(self.weight > 0)
+        rows = merged(rows, whole=False)
+        return FitSamples(rows.X[:, :-1], rows.y, rows.weight, None if self.codes is None else rows.unit)
 
 
 def early_stopping_rows(
@@ -170,6 +176,26 @@ def checked_weight(sample_weight: Any, X: np.ndarray) -> np.ndarray:
     if not np.any(weight > 0):
         raise ValueError("sample_weight is zero for every sample. Expected at least one positive weight.")
     return weight
+
+
+def overridden(trainer: Any, model: Any, *names: str) -> Any:
+    """Return a trainer with those of its parameters that a model gives."""
+    return trainer.set_params(**{name: value for name in names if (value := getattr(model, name)) is not None})
+
+
+def counted_rows(Y: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return which targets a training problem holds, law by law."""
+    return (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
+
+
+def split_problem(problem: Any, held_out: np.ndarray, counted: np.ndarray) -> tuple[Any, Any]:
+    """Return the problem of the rows to train on and that of the held-out ones, None without any."""
+    import torch
+
+    if not held_out.any():
+        return problem, None
+    rows = np.tile(held_out, len(counted) // len(held_out))[counted]
+    return problem.split(torch.as_tensor(rows, device=problem.y.device))
 
 
 def arrays_of(parameters: Sequence[Any]) -> list[np.ndarray]:

@@ -1,14 +1,21 @@
-"""A fit that is linear in its coefficients: least squares in one go or in batches, with standard errors."""
+"""Fits that are linear in their coefficients, at once or in batches: sums of terms, laws over a polynomial volume."""
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, Self
+from collections.abc import Mapping
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
+from pamid.errors import ParameterError
 from pamid.fitting.least_squares import cluster_covariance, compress, solve
+from pamid.signals.state import State
+from pamid.volume import VolumeJet
 
-from ._classical import warn_of_still_signals
+from ._base import SignalRegressor
+from ._checks import check_sizes
+from ._classical import ClassicalRegressor, warn_of_still_signals
+from ._trajectories import trajectory_codes
 
 CHUNK = 65_536
 """Rows compressed at a time: memory stays flat however long the log."""
@@ -121,3 +128,69 @@ class LinearTerms:
 
     def _formula(self, state: Any) -> Any:
         return sum(c * share for c, share in zip(self.coef_.tolist(), self._shares(state), strict=True))
+
+
+class BalanceRegressor(LinearTerms, SignalRegressor):
+    """Shared by `CylinderForce` and `JointDrive`: a sum of terms of named signals, each term a physical parameter."""
+
+    _state: ClassVar[Any]
+    """Tuple of the signals, in the order of `reads`."""
+    still: float
+
+    def _output(self) -> tuple[str, str]:
+        """Return name and unit of what is predicted."""
+        raise NotImplementedError
+
+    def _way(self, speed: Any) -> Any:
+        """Return the sign of the motion, smooth about standstill."""
+        return np.tanh(speed / self.still)
+
+    def _training(
+        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool = True, least: int = 2
+    ) -> tuple[NamedTuple, np.ndarray, np.ndarray, np.ndarray | None]:
+        check_sizes(self, still=1e-12)
+        clusters = None if groups is None else trajectory_codes(X, groups)
+        X, y, weight = self._read_weighted(X, y, sample_weight, reset=reset, ensure_min_samples=least)
+        return self._signals_of(X), y, weight, clusters
+
+    def _signals_of(self, X: np.ndarray) -> Any:
+        return self._state(*(self._signal(X, name) for name in self.reads))
+
+    def predict(self, X: Any) -> np.ndarray:
+        """Predict the force, N, or the drive, in its unit."""
+        return self._predict_state(self._signals_of(self._read_fitted(X, "coef_")))
+
+    def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
+        """Return the prediction as a formula of the signals, which may be symbols: what an export writes."""
+        name, unit = self._output()
+        return {name: (unit, self._formula(self._state(*(signals[s] for s in self.reads))))}
+
+
+class PolynomialRegressor(LinearTerms, ClassicalRegressor):
+    """Shared by `PolynomialForce` and `PolynomialFlow`."""
+
+    def _basis(self, state: State) -> list[VolumeJet]:
+        """Return the volume, with its derivatives, that each coefficient multiplies."""
+        raise NotImplementedError
+
+    def _shares(self, state: State) -> list[Any]:
+        """Return the regressors of the coefficients."""
+        (law,) = self.laws()
+        return [law.predict(*jet, state) for jet in self._basis(state)]
+
+    def _jet(self, state: State) -> VolumeJet:
+        basis = self._basis(state)
+        jet = VolumeJet(*(sum(c * b[i] for c, b in zip(self.coef_, basis, strict=True)) for i in range(3)))
+        return jet._replace(V=jet.V + self._level())
+
+    def _level(self) -> float:
+        """Return a volume, m³, that the fit cannot see and the user states."""
+        return 0.0
+
+
+def require_degree(name: str, value: Any, least: int) -> int:
+    """Return a polynomial degree as an int, or raise."""
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or not least <= value <= 12:
+        remedy = f"Pass form={value!r}." if isinstance(value, str) else "Correct the degree."
+        raise ParameterError(f"{name} is {value!r}.", f"an integer from {least} to 12", remedy)
+    return int(value)

@@ -6,10 +6,10 @@ import warnings
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, field
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import UnstableRunWarning
 from pamid.fitting import free_run
@@ -19,7 +19,7 @@ from pamid.fitting.marquardt import Marquardt
 from ._base import SignalRegressor, fitted_attributes
 from ._checks import check_counts, check_sizes, warn_of_still_columns
 from ._parameters import parameters
-from ._progress import ProgressMixin, fit_progress
+from ._progress import ProgressMixin, descend
 from ._sequences import SequenceMixin
 from ._streaming import SequenceStreaming
 from ._trajectories import trajectory_slices
@@ -49,13 +49,47 @@ class FreeRun(NamedTuple):
 
 
 @parameters
-class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegressor):
-    """An output from its own past and that of the inputs; subclasses give the function of the lags.
+class OutputModel(SequenceStreaming, SequenceMixin, SignalRegressor):
+    """An output that inputs drive along runs.
 
     Parameters
     ----------
     inputs : sequence of str
         Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
+    """
+
+    equations = ("dynamic",)
+
+    inputs: Sequence[str] = ("P", "load")
+    _: KW_ONLY
+    start: str | None = None
+
+    @property
+    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
+        return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
+
+    def _read_runs(self, X: Any, y: Any, groups: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Validate what a fit is given, note means and scales, and return inputs, output and the run of each row."""
+        table, y = self._read(X, y, reset=True)
+        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
+        codes = self._codes(X, table, groups)
+        columns, ones = self._signals(table, self.inputs), np.ones(len(target))
+        self.input_mean_, self.input_scale_ = standardisation(columns, ones)
+        mean, scale = standardisation(target[:, None], ones)
+        self.output_mean_, self.output_scale_ = float(mean[0]), float(scale[0])
+        return columns, target, codes
+
+    def _scaled(self, columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return standardised inputs and output."""
+        return (columns - self.input_mean_) / self.input_scale_, (target - self.output_mean_) / self.output_scale_
+
+
+@parameters
+class NARXRegressor(ProgressMixin, OutputModel):
+    """An output from its own past and that of the inputs; subclasses give the function of the lags.
+
+    Parameters
+    ----------
     output_lags : int
         Past rows of the output that the model reads.
     input_lags : int
@@ -90,9 +124,8 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         Number of parameters.
     """
 
-    equations = ("dynamic",)
+    _settings: ClassVar = {"": {}, "one step": {"horizon": 1}}
 
-    inputs: Sequence[str] = ("P", "load")
     _: KW_ONLY
     horizon: int = 50
     start: str | None = None
@@ -102,14 +135,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
 
     delay: int = field(default=0, init=False)
     alpha: float = field(default=0.0, init=False)
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
-        return {"": {}, "one step": {"horizon": 1}}
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]
-        return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
 
     # --- what a subclass gives ----------------------------------------------------------------------------------
     @abstractmethod
@@ -154,20 +179,13 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
             If the rows of a run are not contiguous.
         """
         self._check_parameters()
-        table, y = self._read(X, y, reset=True)
-        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
-        codes = self._codes(X, table, groups)
-        columns = self._signals(table, self.inputs)
+        columns, target, codes = self._read_runs(X, y, groups)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
-        ones = np.ones(len(target))
-        self.input_mean_, self.input_scale_ = standardisation(columns, ones)
-        mean, scale = standardisation(target[:, None], ones)
-        self.output_mean_, self.output_scale_ = float(mean[0]), float(scale[0])
         self.input_low_, self.input_high_ = columns.min(axis=0), columns.max(axis=0)
         self.output_low_, self.output_high_ = float(target.min()), float(target.max())
         slices = trajectory_slices(codes)
         self.start_mean_ = float(np.mean([target[s.start] for s in slices]))
-        u, z = (columns - self.input_mean_) / self.input_scale_, (target - self.output_mean_) / self.output_scale_
+        u, z = self._scaled(columns, target)
         inputs, past, phi = self._lags(u, z, slices)
         step = z - past[:, 0]
         self.step_scale_ = float(np.sqrt(np.mean(step * step))) or 1.0
@@ -182,41 +200,20 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
             float(self.alpha) * len(target) * 1e-6,
         )
         try:
-            with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
-                slow = 0
-                for _ in progress:
-                    before = steps.loss
-                    moved = steps.step()
-                    progress.report(steps.loss / len(target), attributes=lambda: self._attributes(steps.x))
-                    slow = slow + 1 if steps.loss > before * (1.0 - float(self.tol)) else 0
-                    if not moved or slow >= 3:
-                        break
+            descend(self, steps, (X, y), per=len(target), patience=3, attributes=lambda: self._attributes(steps.x))
         finally:
             del self._codes_of_fit
         found = free_run.normal_equations(model, steps.x, stretches, self.step_scale_)
         variance = found.loss / max(len(target) - len(theta), 1)
         covariance = variance * np.linalg.pinv(found.matrix, hermitian=True)
         self._keep(steps.x, covariance)
-        self.loss_curve_ = progress.losses
-        self.n_iter_ = max(progress.n_epochs, 1)
         self.n_parameters_ = len(theta)
         self._remember(X, y, groups=groups)
         return self
 
     # --- prediction ---------------------------------------------------------------------------------------------
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely, and warn where it had to be held.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs and, if `start` names it, the output before the first row; as in fit.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Output, in the unit of y.
-        """
+        """Simulate each run freely, and warn where it had to be held."""
         return self.simulate(X, groups=groups).told(type(self).__name__, "outputs")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
@@ -225,27 +222,27 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         The output before the first row is the signal `start`, or the mean of the first outputs of the fit. A run that
         leaves the outputs of the fit by more than `margin` of their range is held at that edge and flagged.
 
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, as in fit.
-
         Returns
         -------
         FreeRun
             Outputs and flags.
         """
-        check_is_fitted(self, "start_mean_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "start_mean_")
         slices = trajectory_slices(self._codes(X, table, groups))
         columns = self._signals(table, self.inputs)
         span = 1e-9 * (self.input_high_ - self.input_low_)
         beyond = ((columns < self.input_low_ - span) | (columns > self.input_high_ + span)).any(axis=1)
         first = np.array([s.start for s in slices])
         start = self._signal(table, self.start)[first] if self.start else np.full(len(first), self.start_mean_)
-        y, held = self._free(
-            (columns - self.input_mean_) / self.input_scale_, (start - self.output_mean_) / self.output_scale_, slices
+        u, start = self._scaled(columns, start)
+        room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
+        low, high = (
+            (edge - self.output_mean_) / self.output_scale_
+            for edge in (self.output_low_ - room, self.output_high_ + room)
         )
+        lags = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
+        past = np.repeat(start[:, None], int(self.output_lags), axis=1)
+        y, held = free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
         return FreeRun(y * self.output_scale_ + self.output_mean_, held, beyond)
 
     def predict_one_step(self, X: Any, y: Any, groups: Any = None) -> np.ndarray:
@@ -253,8 +250,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs, as in fit.
         y : array_like, shape (n_samples,)
             Measured output.
 
@@ -263,11 +258,11 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         ndarray, shape (n_samples,)
             Output one row ahead, in the unit of y.
         """
-        check_is_fitted(self, "start_mean_")
+        self._check_fitted("start_mean_")
         table, y = self._read(X, y, reset=False)
         slices = trajectory_slices(self._codes(X, table, groups))
-        z = (np.asarray(column_or_1d(y), dtype=float) - self.output_mean_) / self.output_scale_
-        _, past, phi = self._lags((self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_, z, slices)
+        u, z = self._scaled(self._signals(table, self.inputs), np.asarray(column_or_1d(y), dtype=float))
+        _, past, phi = self._lags(u, z, slices)
         ahead = past[:, 0] + self.step_scale_ * self._function(self._theta(), phi)
         return np.asarray(ahead * self.output_scale_ + self.output_mean_)
 
@@ -281,16 +276,6 @@ class NARXRegressor(SequenceStreaming, ProgressMixin, SequenceMixin, SignalRegre
         inputs = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
         past = free_run.output_lags(z, slices, int(self.output_lags))
         return inputs, past, np.concatenate([past, inputs], axis=1)
-
-    # --- runs ---------------------------------------------------------------------------------------------------
-    def _free(self, u: np.ndarray, start: np.ndarray, slices: list[slice]) -> tuple[np.ndarray, np.ndarray]:
-        """Simulate all runs; return scaled outputs and where they were held."""
-        room = float(self.margin) * max(self.output_high_ - self.output_low_, 1e-9 * self.output_scale_)
-        low = (self.output_low_ - room - self.output_mean_) / self.output_scale_
-        high = (self.output_high_ + room - self.output_mean_) / self.output_scale_
-        lags = free_run.input_lags(u, slices, int(self.input_lags), int(self.delay))
-        past = np.repeat(start[:, None], int(self.output_lags), axis=1)
-        return free_run.free_run(self._model(), self._theta(), lags, past, slices, self.step_scale_, (low, high))
 
     def _attributes(self, theta: np.ndarray) -> dict[str, Any]:
         """What a callback needs for a fitted copy."""

@@ -1,4 +1,4 @@
-"""What `InverseModel` and `ForwardModel` share: one hidden layer, its fit, and where it had data."""
+"""Networks of one hidden layer: their fit, and where `InverseModel` and `ForwardModel` had data."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShapeError
 from pamid.fitting.epochs import local_generator, standardisation
@@ -17,7 +16,7 @@ from pamid.fitting.stream_memory import Rows
 from ._base import SignalRegressor
 from ._checks import check_counts, check_sizes, row_weights, warn_of_still_columns
 from ._parameters import parameters
-from ._progress import ProgressMixin, fit_progress
+from ._progress import ProgressMixin, descend
 from ._sequences import SequenceMixin, last_direction
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
@@ -32,25 +31,63 @@ _SLOW = 5  # steps without improvement that end a training
 
 
 @parameters
-class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor):
-    """A network of one hidden layer trained by Levenberg–Marquardt; subclasses name inputs and outputs.
+class OneLayerNetwork(ProgressMixin):
+    """A network of one hidden layer, trained by Levenberg–Marquardt from the best of some initial weights.
 
     Parameters
     ----------
-    hidden : int
-        Units of the hidden layer.
-    alpha : float
-        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     max_iter : int
         Maximum number of Levenberg–Marquardt steps.
     tol : float
         Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
     n_starts : int
         Initial weights tried for a few steps; the best are trained further.
+    """
+
+    _: KW_ONLY
+    hidden: int = 10
+    alpha: float = 0.01
+    max_iter: int = 200
+    tol: float = 1e-5
+    n_starts: int = 3
+    random_state: Any = None
+
+    weights_: dict[str, np.ndarray] = field(init=False)
+
+    def _check_network(self) -> None:
+        check_counts(self, "hidden", "max_iter", "n_starts")
+        check_sizes(self, alpha=0.0, tol=0.0)
+
+    def _train(self, x: np.ndarray, z: np.ndarray, weight: np.ndarray, data: tuple[Any, Any], per: float) -> None:
+        """Train on scaled rows; the loss is told per unit of weight."""
+        rng = local_generator(self.random_state)
+        shape = (x.shape[1], int(self.hidden), z.shape[1])
+        starts = [initial_weights(rng, *shape) for _ in range(int(self.n_starts))]
+        trials = [marquardt_on_rows(w, x, z, weight, float(self.alpha)) for w in starts]
+        if len(trials) > 1:  # a few steps from each start, then on from the best
+            for trial in trials:
+                for _ in range(_CANDIDATE_STEPS):
+                    if not trial.step():
+                        break
+        best = min(trials, key=lambda t: t.loss)
+
+        def weights() -> dict[str, Any]:
+            return {"weights_": unflatten(best.x, *shape)}
+
+        descend(self, best, data, per=per, patience=_SLOW, attributes=weights, stacklevel=7)
+        self.weights_ = unflatten(best.x, *shape)
+
+
+@parameters
+class OneLayerRegressor(Streaming, OneLayerNetwork, SequenceMixin, SignalRegressor):
+    """A network of one hidden layer; subclasses name inputs and outputs.
+
+    Parameters
+    ----------
+    alpha : float
+        Weight decay: factor of the squared weights in the sum of squares of the standardised targets, dimensionless.
     forget_rows : float, optional
         Rows over which `partial_fit` forgets; by default all rows count alike.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
 
     Attributes
     ----------
@@ -75,15 +112,9 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
 
     inputs: Sequence[str] = ()
     _: KW_ONLY
-    hidden: int = 10
     direction: bool = False
     direction_step: float = 1e5
-    alpha: float = 0.01
-    max_iter: int = 200
-    tol: float = 1e-5
-    n_starts: int = 3
     forget_rows: float | None = None
-    random_state: Any = None
 
     cells_: np.ndarray = field(init=False)
     input_low_: np.ndarray = field(init=False)
@@ -115,35 +146,20 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
             If the direction of motion is asked for and nothing names the runs.
         """
         self._check_parameters()
-        rng = local_generator(self.random_state)
-        columns, target, weight = self._table(X, y, sample_weight, groups, reset=True)
+        if y is None:
+            raise ShapeError(
+                f"{type(self).__name__} requires y to be passed, but the target y is None.", "a target", "Pass y."
+            )
+        table, given = self._read(X, y, reset=True)
+        target = self._target(given)
+        self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
+        target, weight = self._output_columns(target), row_weights(sample_weight, table)
+        columns = self._columns(X, table, groups)
         used = weight > 0
         warn_of_still_columns(columns[:, : len(self.inputs)], self.inputs, type(self).__name__)
         self._set_scales(columns[used], target[used], weight[used])
         x, z = self._scaled(columns[used], target[used])
-        share = weight[used]
-        shape = (x.shape[1], int(self.hidden), z.shape[1])
-        starts = [initial_weights(rng, *shape) for _ in range(int(self.n_starts))]
-        trials = [marquardt_on_rows(w, x, z, share, float(self.alpha)) for w in starts]
-        if len(trials) > 1:  # a few steps from each start, then on from the best
-            for trial in trials:
-                for _ in range(_CANDIDATE_STEPS):
-                    if not trial.step():
-                        break
-        best = min(trials, key=lambda t: t.loss)
-        total = float(share.sum())
-        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
-            slow = 0
-            for _ in progress:
-                before = best.loss
-                moved = best.step()
-                progress.report(best.loss / total, attributes=lambda: {"weights_": unflatten(best.x, *shape)})
-                slow = slow + 1 if best.loss > before * (1.0 - float(self.tol)) else 0
-                if not moved or slow >= _SLOW:
-                    break
-        self.weights_ = unflatten(best.x, *shape)
-        self.loss_curve_ = progress.losses
-        self.n_iter_ = max(progress.n_epochs, 1)
+        self._train(x, z, weight[used], (X, y), float(weight[used].sum()))
         self._remember(X, y, sample_weight, groups)
         return self
 
@@ -198,11 +214,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
         """Evaluate the network; the answer stays within its bounds.
 
-        Parameters
-        ----------
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
-
         Returns
         -------
         ndarray, shape (n_samples,) or (n_samples, n_outputs)
@@ -240,8 +251,8 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
 
     # --- data ---------------------------------------------------------------------------------------------------
     def _check_parameters(self) -> None:
-        check_counts(self, "hidden", "max_iter", "n_starts")
-        check_sizes(self, alpha=0.0, tol=0.0, direction_step=1e-12)
+        self._check_network()
+        check_sizes(self, direction_step=1e-12)
         if self.forget_rows is not None:
             check_sizes(self, forget_rows=1.0)
         if self.direction and self._turning not in self.inputs:
@@ -250,21 +261,6 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
                 f"{self._turning} among the inputs, whose direction it is",
                 f"Add {self._turning!r} to inputs, or set direction=False.",
             )
-
-    def _table(
-        self, X: Any, y: Any, sample_weight: Any, groups: Any, *, reset: bool
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        if y is None:
-            raise ShapeError(
-                f"{type(self).__name__} requires y to be passed, but the target y is None.", "a target", "Pass y."
-            )
-        table, y = self._read(X, y, reset=reset)
-        target = self._target(y)
-        if reset:
-            self.n_outputs_ = 0 if target.ndim == 1 else target.shape[1]  # 0: one output, without an axis of its own
-        target = self._output_columns(target)
-        weight = row_weights(sample_weight, table)
-        return self._columns(X, table, groups), target, weight
 
     def _output_columns(self, target: np.ndarray) -> np.ndarray:
         target = target.reshape(len(target), -1)
@@ -296,8 +292,7 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
     # --- answers ------------------------------------------------------------------------------------------------
     def _answer(self, X: Any, groups: Any) -> tuple[np.ndarray, np.ndarray]:
         """Return the network's bare answer (n, n_outputs) and which rows lie outside the data of the fit."""
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "weights_")
         x = (self._columns(X, table, groups) - self.input_mean_) / self.input_scale_
         return forward(self.weights_, x) * self.target_scale_ + self.target_mean_, self._outside(x)
 
@@ -317,6 +312,3 @@ class OneLayerRegressor(Streaming, ProgressMixin, SequenceMixin, SignalRegressor
             part = here[start : start + 512, None, :] - self.cells_[None]
             near[start : start + 512] = (np.abs(part).max(axis=2) <= 1).any(axis=1)
         return ~near[which.ravel()]
-
-    def _shaped(self, values: np.ndarray) -> np.ndarray:
-        return values[:, 0] if self.n_outputs_ == 0 else values

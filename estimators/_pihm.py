@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils import check_random_state
@@ -10,7 +10,6 @@ from sklearn.utils.validation import check_is_fitted, column_or_1d
 
 from pamid.effects import Effect
 from pamid.errors import IncompatibleError
-from pamid.signals.state import STATE_SIGNALS
 from pamid.volume.anchored import AnchoredVolume
 from pamid.volume.base import VolumeJet, VolumeModel
 from pamid.volume.checks import check_volume
@@ -20,30 +19,42 @@ from ._base import state_of
 from ._effects import fit_model_effects, fitted_effects, seen_by
 from ._hybrid import HybridParameters
 from ._hybrid_fit import (
+    FitSamples,
     arrays_of,
     check_parameters,
     checked_weight,
+    counted_rows,
     early_stopping_rows,
     network_in_units,
+    overridden,
     span_of,
+    split_problem,
     spread_of,
     training_problem,
     volume_scale,
     warn_before,
-    without_repeats,
 )
 from ._hybrid_use import jet_of, network_of, predicted
-from ._law_model import LawModel
+from ._laws import LawModel
 from ._progress import fit_progress
 from ._trajectories import trajectory_codes
 
 
 class HybridModel(LawModel, HybridParameters):
-    """Base of the hybrid estimators; a subclass names its laws."""
+    """Base of the hybrid estimators; a subclass names its laws.
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:
-        return {"": {}, "published network": {"volume_model": "neural"}}
+    References
+    ----------
+    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
+    artificial muscles", 2025: Equations 3 (force) and 5 (flow), Algorithm 1, Table 1.
+    """
+
+    _settings: ClassVar = {"": {}, "published network": {"volume_model": "neural"}}
+    _small: ClassVar[dict[str, Any]] = {"volume_model": "neural", "hidden_layer_sizes": (6,)}
+    _checked: ClassVar[tuple[dict[str, Any], ...]] = (
+        _small | {"max_iter": 8},
+        _small | {"trainer": "adam", "max_iter": 20, "batch_size": 4096},
+    )
 
     # --- fitting ------------------------------------------------------------------------------------------------
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
@@ -78,7 +89,7 @@ class HybridModel(LawModel, HybridParameters):
         warn_before(self, state_of(self, X), Y)
         codes = trajectory_codes(original[0], groups)
         if not self.effects:  # which remember every row
-            X, Y, weight, codes = without_repeats(X, Y, weight, codes)
+            X, Y, weight, codes = FitSamples(X, Y, weight, codes).without_repeats()
         fit_model_effects(self, X, Y, weight, rng)
         state, inputs, added = seen_by(self, X)
         Y = Y if added is None else Y - added
@@ -107,10 +118,7 @@ class HybridModel(LawModel, HybridParameters):
             # The correction starts from nothing, so that a fit is never worse than its anchor.
             start[-2].zero_()
             start[-1].zero_()
-        counted = (np.isfinite(Y) & (weight > 0)[:, None]).T.ravel()
-        rows = torch.as_tensor(np.tile(held_out, len(laws))[counted], device=self.device)
-        split = problem.split(rows) if held_out.any() else (problem, None)
-        self._train(split, start, rng, original)
+        self._train(split_problem(problem, held_out, counted_rows(Y, weight)), start, rng, original)
         if not self.effects:  # which a stream of single rows does not determine
             self._remember(*original, sample_weight, groups)
         return self
@@ -135,30 +143,21 @@ class HybridModel(LawModel, HybridParameters):
         self.validation_curve_ = result.validation_curve
         self._tell_status(result.status)
 
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream: the fit of all rows so far.
-
-        Up to 5,000 different rows the model after any number of batches is that of one `fit` on all of them; beyond,
-        that of a fair sample that stands for the whole stream. A call costs no more than a fit to the memory, which
-        does not grow. A change of the muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit`
-        starts again.
-        """
+    def _partial_fit_rows(self, X: Any, y: Any, sample_weight: Any, groups: Any) -> Self:
         if self.effects:
             raise IncompatibleError(
                 "The model has effects with memory, but partial_fit remembers single rows.",
                 "whole runs, in one fit",
                 "Fit again on all runs.",
             )
-        return self._partial_fit_rows(X, y, sample_weight, groups)
+        return super()._partial_fit_rows(X, y, sample_weight, groups)
 
     def _trainer(self) -> Any:
         from sklearn.base import clone
 
         from pamid.training import trainer_named
 
-        trainer = clone(trainer_named(self.trainer))
-        wanted = {"max_iter": self.max_iter, "batch_size": self.batch_size, "weight_decay": self.weight_decay}
-        return trainer.set_params(**{name: value for name, value in wanted.items() if value is not None})
+        return overridden(clone(trainer_named(self.trainer)), self, "max_iter", "batch_size", "weight_decay")
 
     # --- using --------------------------------------------------------------------------------------------------
     def _outputs(self, table: np.ndarray) -> np.ndarray:
@@ -178,11 +177,6 @@ class HybridModel(LawModel, HybridParameters):
 
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives at each sample.
-
-        Returns
-        -------
-        VolumeJet
-            V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa), each of shape (n_samples,).
 
         Warns
         -----
@@ -212,12 +206,3 @@ class HybridModel(LawModel, HybridParameters):
         """Number of trained parameters of the network."""
         check_is_fitted(self, "weights_")
         return int(sum(w.size for w in self.weights_))
-
-    @classmethod
-    def _checked_instances(cls) -> list[Any]:
-        one = dict.fromkeys(STATE_SIGNALS, 0)
-        common: dict[str, Any] = {"volume_model": "neural", "hidden_layer_sizes": (6,), "signals": one}
-        return [cls(max_iter=8, **common), cls(trainer="adam", max_iter=20, batch_size=4096, **common)]
-
-
-__all__ = ["HybridModel"]

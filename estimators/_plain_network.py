@@ -30,8 +30,6 @@ class PlainNetwork(ProgressMixin, SignalRegressor):
         Epochs without improvement after which the fit ends.
     tol : float, default=1e-5
         Relative improvement of the loss that counts, dimensionless.
-    device : str, default="cpu"
-        Device of torch on which the network runs.
 
     Attributes
     ----------

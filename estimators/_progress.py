@@ -1,25 +1,13 @@
 """Progress, early stop and interruption of a fit, through ``sklearn.callback``.
 
-That interface is experimental in scikit-learn 1.9, so this module alone knows it. What an iterative estimator does:
+That interface is experimental in scikit-learn 1.9, so this module alone knows it. An iterative estimator goes through
+``for epoch in progress`` within ``with fit_progress(self, X=X, y=y, max_epochs=...) as progress`` and closes each epoch
+by ``progress.report(loss, attributes=...)``; a trainer that owns the loop calls ``if progress.report(loss): stop``.
 
-    class MyEstimator(ProgressMixin, SignalRegressor):     # the mixin gives set_callbacks
-        def fit(self, X, y, ...):
-            with fit_progress(self, X=X, y=y, max_epochs=self.max_iter) as progress:
-                for epoch in progress:                                     # ends at max_epochs or when asked to stop
-                    loss = ...one epoch...
-                    if is_best: keep a copy of the weights
-                    progress.report(loss, attributes=lambda: {"weights_": ..., "signal_columns_": ...})
-                    if converged: break
-            self.weights_ = best; self.n_iter_ = progress.n_epochs; self.loss_curve_ = progress.losses
-
-- ``attributes`` is only called if a callback wants a fitted estimator (``ScoringMonitor``); it returns every fitted
-  attribute that predict needs and that is not yet set on the estimator.
-- A callback's ``on_fit_task_end`` may return True to stop; then the loop ends and ``progress.stopped`` is True.
-  A callback reads the epoch's loss as ``context.loss`` and ``context.validation_loss``.
-- Ctrl-C inside the block: once one epoch is complete the block ends with `InterruptedFitWarning` and
-  ``progress.interrupted`` is True, so the code after it keeps the best so far; before that, Ctrl-C goes through.
-- A trainer that owns the loop (scipy, L-BFGS) calls ``if progress.report(loss): stop`` without iterating.
-- Without callbacks nothing of ``sklearn.callback`` runs. Pass X and y as the user gave them.
+- ``attributes`` returns every fitted attribute that predict needs and that is not yet set; it is called only where a
+  callback wants a fitted estimator. X and y are as the user gave them.
+- The loop ends where a callback asks to stop (``progress.stopped``), or at Ctrl-C once one epoch is complete
+  (``progress.interrupted``, with `InterruptedFitWarning`), so that the code after it keeps the best so far.
 """
 
 from __future__ import annotations
@@ -30,6 +18,7 @@ from contextlib import contextmanager, nullcontext
 from typing import TYPE_CHECKING, Any, Self
 
 from pamid.errors import InterruptedFitWarning
+from pamid.fitting.marquardt import Marquardt
 
 try:
     from sklearn.callback import CallbackSupportMixin as _CallbackSupportMixin
@@ -100,7 +89,7 @@ class FitProgress:
 
 
 @contextmanager
-def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int) -> Iterator[FitProgress]:
+def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int, stacklevel: int = 5) -> Iterator[FitProgress]:
     """Follow the epochs of a fit: callbacks, early stop, and an interruption that keeps what was reached."""
     callbacks = _management is not None and bool(getattr(estimator, "_skl_callbacks", None))
     with _management(estimator) if callbacks else nullcontext():
@@ -118,7 +107,33 @@ def fit_progress(estimator: Any, *, X: Any, y: Any, max_epochs: int) -> Iterator
                 f"The fit of {type(estimator).__name__} was interrupted after {progress.n_epochs} of at most "
                 f"{max_epochs} epochs. The best model so far is kept.",
                 InterruptedFitWarning,
-                stacklevel=5,
+                stacklevel=stacklevel,
             )
         if context is not None:
             context.call_on_fit_task_end(estimator=estimator, X=X, y=y)
+
+
+def descend(
+    estimator: Any,
+    steps: Marquardt,
+    data: tuple[Any, Any],
+    *,
+    per: float,
+    patience: int,
+    attributes: Callable[[], dict[str, Any]],
+    stacklevel: int = 6,
+) -> None:
+    """Take steps until `patience` in a row gain less than a share `tol` of the loss; set the estimator's loss curve."""
+    with fit_progress(
+        estimator, X=data[0], y=data[1], max_epochs=int(estimator.max_iter), stacklevel=stacklevel
+    ) as progress:
+        slow = 0
+        for _ in progress:
+            before = steps.loss
+            moved = steps.step()
+            progress.report(steps.loss / per, attributes=attributes)
+            slow = slow + 1 if steps.loss > before * (1.0 - float(estimator.tol)) else 0
+            if not moved or slow >= patience:
+                break
+    estimator.loss_curve_ = progress.losses
+    estimator.n_iter_ = max(progress.n_epochs, 1)

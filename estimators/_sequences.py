@@ -11,7 +11,7 @@ import numpy as np
 from pamid.errors import MissingColumnError
 
 from ._parameters import parameters
-from ._trajectories import has_trajectory_column, trajectory_codes, trajectory_slices
+from ._trajectories import has_trajectory_column, run_codes, trajectory_slices
 
 
 class SequenceScore:
@@ -20,20 +20,7 @@ class SequenceScore:
     predict: Callable[..., np.ndarray]
 
     def score(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the prediction, in free run where the estimator predicts so.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            As in `predict`.
-        y : array_like, shape (n_samples,) or (n_samples, n_outputs)
-            Measured target.
-
-        Returns
-        -------
-        float
-            R², dimensionless.
-        """
+        """Coefficient of determination of the prediction, in free run where the estimator predicts so."""
         from sklearn.metrics import r2_score
 
         return float(r2_score(y, self.predict(X, groups=groups), sample_weight=sample_weight))
@@ -45,8 +32,6 @@ class SequenceMixin(SequenceScore):
 
     Parameters
     ----------
-    one_trajectory : bool
-        Whether all rows are one run, where neither groups nor a column says otherwise.
     trajectory_column : int, optional
         Position of the column that names the runs, for arrays that have no names: a change of its value begins a
         new run.
@@ -73,9 +58,7 @@ class SequenceMixin(SequenceScore):
             known = self._codes_of_fit
             if known is not None and len(known) == len(table):
                 return np.asarray(known)
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None  # needed_by raises instead
-        return codes
+        return run_codes(self, X, groups)
 
 
 def last_direction(values: np.ndarray, codes: np.ndarray, travel: float) -> np.ndarray:

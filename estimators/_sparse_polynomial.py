@@ -57,7 +57,7 @@ class PolynomialLibraryMixin:
         Exponent of each signal, and of each sign, in each term.
     signal_scales_ : ndarray, shape (n_signals,)
         Root mean square of each signal, in the signal's unit.
-    scaled_coef_ : ndarray, shape (1, n_terms)
+    scaled_coef_ : ndarray, shape (n_targets, n_terms)
         Coefficients for signals in units of `signal_scales_`.
     n_iter_ : int
         Iterations of the sparse regression.
@@ -102,7 +102,7 @@ class PolynomialLibraryMixin:
         self._names = [str(name) for name in names]
         self.powers_ = powers
         self.terms_ = term_names(powers, [*names, *(f"sign({name})" for name in self.sign_of)])
-        self.reference_scales_ = _root_mean_square(signals, weights / weights.sum())
+        self.reference_scales_ = _nonzero(np.sqrt(weights / weights.sum() @ signals**2))
         self.factor_ = np.zeros((0, len(powers) + targets.shape[1]))
         self.total_weight_ = 0.0
         self._take_in(signals, targets, weights)
@@ -164,10 +164,6 @@ class PolynomialLibraryMixin:
             ]
             lines.append(f"{target} = {' + '.join(parts) or '0'}".replace("+ -", "- "))
         return lines
-
-
-def _root_mean_square(columns: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    return _nonzero(np.sqrt(weights @ columns**2))
 
 
 def _nonzero(scales: np.ndarray) -> np.ndarray:

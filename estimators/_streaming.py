@@ -162,17 +162,13 @@ class Streaming(StreamMemory):
     def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Take in a batch of a stream: the fit of all rows so far, as long as the memory holds them.
 
-        Up to `MEMORY_ROWS` different rows, the model after any number of batches is that of one ``fit`` on all of them.
-        Beyond, it is the fit to a random sample of the stream, with the weight of all; memory does not grow. A call
-        costs no more than a fit to the memory. A change of the muscle is not detected here:
-        `pamid.online.ChangeMonitor` does that, and `fit` starts again.
+        Up to 5,000 different rows (20,000 rows of whole runs where the order of time is read), the model after any
+        number of batches is that of one ``fit`` on all of them. Beyond, it is the fit to a random sample of the stream,
+        with the weight of all; memory does not grow. A call costs no more than a fit to the memory. A change of the
+        muscle is not detected here: `pamid.online.ChangeMonitor` does that, and `fit` starts again.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            What ``fit`` takes, SI units.
-        y : array_like
-            Target, as in ``fit``.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in ``fit``; no run continues from one call to the next.
         """
@@ -185,17 +181,13 @@ class SequenceStreaming(StreamMemory):
     def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Take in further runs: the fit of all so far, as long as the memory holds them.
 
-        Up to `MEMORY_ROWS_IN_ORDER` rows, the model after any number of batches is that of one ``fit`` on all their
+        Up to 20,000 rows, the model after any number of batches is that of one ``fit`` on all their
         runs; a repeated run adds nothing. Beyond, it is the fit to a random sample of whole runs;
         memory does not grow. A call costs no more than a fit to the memory. A change of the system is not detected
         here: `pamid.online.ChangeMonitor` does that, and `fit` starts again.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            What ``fit`` takes, SI units, in time order within each run.
-        y : array_like
-            Target, as in ``fit``.
         groups : array_like, shape (n_samples,), optional
             Run of each row, as in ``fit``; no run continues from one call to the next.
         """

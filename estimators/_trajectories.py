@@ -91,6 +91,14 @@ def trajectory_codes(
     return codes
 
 
+def run_codes(estimator: Any, X: Any, groups: Any, *, one_trajectory: bool | None = None) -> np.ndarray:
+    """Number the runs for an estimator that needs them; its `one_trajectory` says what holds where nothing does."""
+    one = estimator.one_trajectory if one_trajectory is None else one_trajectory
+    codes = trajectory_codes(X, groups, one_trajectory=one, needed_by=type(estimator).__name__)
+    assert codes is not None  # needed_by raises instead
+    return codes
+
+
 def trajectory_slices(codes: np.ndarray) -> list[slice]:
     """Return the rows of each run as slices, for codes that are contiguous."""
     borders = np.flatnonzero(np.diff(codes)) + 1

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import KW_ONLY, field
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.frozen import FrozenEstimator
-from sklearn.pipeline import Pipeline
 
 from pamid.adapters._named_process import (
     BAR,
@@ -29,6 +28,7 @@ from ._blend import share_of_fresh
 from ._checks import check_counts, check_sizes
 from ._effects import whole_log
 from ._parameters import parameters
+from ._source import inside
 from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 
@@ -61,15 +61,11 @@ class CarriedForce(Streaming, SignalRegressor):
     source : estimator, optional
         A fitted `CarriedForce` of another muscle, best in a `sklearn.frozen.FrozenEstimator`, so that clones keep its
         fit. It stays untouched.
-    rest_diameter : float, default=0.02
-        D₀ of the muscle, m.
     max_contraction : float, optional
         Contraction at which the muscle no longer pulls at its working pressure, as data sheets state it. If both
         muscles state it, contractions are compared as shares of it.
     pressure_memory : bool, default=True
         Whether the pressure's past is read. Without it rows are independent.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
     max_samples : int, default=600
         Maximum number of samples that are fitted, evenly spaced; the cost grows with their cube.
 
@@ -124,12 +120,9 @@ class CarriedForce(Streaming, SignalRegressor):
     max_samples: int = 600
 
     equations = ("force",)
+    _settings: ClassVar = {"": {"pressure_memory": False}}
     process_: NamedProcess = field(init=False)
     fresh_: NamedProcess | None = field(init=False)
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {"pressure_memory": False}}
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
@@ -144,8 +137,6 @@ class CarriedForce(Streaming, SignalRegressor):
             Columns ``eps`` (dimensionless) and ``P`` (Pa, absolute), with memory ``time`` (s) and ``trajectory``.
         y : array_like, shape (n_samples,)
             Tension, N. Its values on rows of weight 0 are ignored.
-        sample_weight : array_like, shape (n_samples,), optional
-            Relative weights; a weight of 2 equals the same row twice.
         groups : array_like, shape (n_samples,), optional
             Run of each row: rows of a run are held out together and share an error.
         """
@@ -187,30 +178,15 @@ class CarriedForce(Streaming, SignalRegressor):
         self._remember(X, y, sample_weight, groups)
         return self
 
-    def partial_fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
-        """Take in a batch of a stream, with memory whole runs: the fit of all so far that the memory holds.
-
-        Up to 5,000 different rows, with memory 20,000 rows of whole runs, the model after any number of batches is
-        that of one `fit` on all of them.
-        """
-        return self._partial_fit_rows(X, y, sample_weight, groups)
-
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the tension.
+        """Predict the tension, N.
 
         Parameters
         ----------
         X : DataFrame or array, shape (n_samples, n_columns)
             The signals that the fit read; with memory whole runs in order of time.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Tension, N.
         """
-        self._check_fitted("process_")
-        table, _ = self._read(X, reset=False)
-        seen = self._seen(table)
+        seen = self._seen(self._read_fitted(X, "process_"))
         out = self.process_.predict(*seen)
         if self.fresh_ is not None:
             out = self.source_kept_ * out + (1.0 - self.source_kept_) * self.fresh_.predict(*seen)
@@ -231,14 +207,7 @@ class CarriedForce(Streaming, SignalRegressor):
         return eps, (P - self.atmospheric_pressure) / BAR, past
 
     def _source_process(self) -> CarriedForce:
-        found = self.source
-        while not isinstance(found, CarriedForce):
-            if isinstance(found, FrozenEstimator):
-                found = found.estimator
-            elif isinstance(found, Pipeline):
-                found = found.steps[-1][1]
-            else:
-                break
+        found = inside(self.source)
         if not isinstance(found, CarriedForce) or "process_" not in vars(found):
             raise IncompatibleError(
                 f"The source is {type(found).__name__}" + (", not fitted." if isinstance(found, CarriedForce) else "."),
@@ -274,9 +243,7 @@ class CarriedForce(Streaming, SignalRegressor):
         if gain.sum() > BEYOND_CHANCE * float(np.sqrt(gain @ gain)):
             self.source_kept_ -= share_of_fresh(found.left - without.left, found.left, found.trust, blocks)
             self.fresh_ = process
-        self._warn_of_hindrance(self.held_out_errors_)
-
-    def _warn_of_hindrance(self, errors: dict[str, float]) -> None:
+        errors = self.held_out_errors_
         if self.source_kept_ < 0.5:
             warnings.warn(
                 f"The source helps little: runs held out leave {errors['carried']:.3g} N with it and "

@@ -15,8 +15,7 @@ from sklearn.utils.validation import _num_samples, check_consistent_length, chec
 from pamid.errors import ExcitationWarning, MissingTrajectoryError, ParameterError
 
 from ._base import SignalEstimator, plain_table
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._streaming import SequenceStreaming, forget
 from ._trajectories import encode_text_columns, trajectory_codes
 from ._typed import BaseEstimator, MetaEstimatorMixin, RegressorMixin
@@ -168,18 +167,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return forget(model.fit(X, y))
 
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the target.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            What the regressor reads.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            The regressor's prediction.
-        """
+        """Predict the target as the regressor does."""
         check_is_fitted(self, "estimator_")
         if plain_table(self, X) is None:
             validate_data(self, encode_text_columns(X), dtype=np.float64, reset=False)
@@ -187,11 +175,6 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
 
     def predict_interval(self, X: Any) -> PredictionInterval:
         """Return the interval that holds on a new run.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            What the regressor reads.
 
         Returns
         -------

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 
-from ._balance import BalanceRegressor
+from ._linear import BalanceRegressor
 from ._parameters import parameters
 
 
@@ -32,8 +32,6 @@ class CylinderForce(BalanceRegressor):
         Diameter of a rod that passes through the chamber under pressure, m; `bore_` allows for it.
     still : float, default=1e-4
         Speed v₀, m/s, at which dry friction has reached three quarters.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     Attributes
     ----------
@@ -72,6 +70,7 @@ class CylinderForce(BalanceRegressor):
     reads = ("dx", "P")
     equations = ("cylinder",)
     _state = _RodSignals
+    _checked = ({},)
 
     @property
     def bore_(self) -> float:
@@ -90,7 +89,3 @@ class CylinderForce(BalanceRegressor):
     def _shares(self, state: _RodSignals) -> list[Any]:
         p, way = state.P - self.atmospheric_pressure, self._way(state.dx)
         return [p, 1.0 + 0.0 * p, way, way * p, state.dx]
-
-    @staticmethod
-    def _checked_instances() -> list[CylinderForce]:
-        return [CylinderForce(signals={"dx": 0, "P": 0})]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -82,10 +82,8 @@ class ForwardModel(OneLayerRegressor):
     inputs: Sequence[str] = ("P", "load")
 
     equations = ("dynamic",)
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}, "direction": {"direction": True}}
+    _settings: ClassVar = {"": {}, "direction": {"direction": True}}
+    _checked = ({"hidden": 3, "max_iter": 4, "n_starts": 1, "random_state": 0},)
 
     @property
     def _turning(self) -> str:  # type: ignore[override]
@@ -99,19 +97,13 @@ class ForwardModel(OneLayerRegressor):
     def assess(self, X: Any, groups: Any = None) -> ForwardAnswer:
         """Predict within bounds, and flag rows whose prediction is unreliable.
 
-        Parameters
-        ----------
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
-
         Returns
         -------
         ForwardAnswer
             Outputs in the units of y, and flags.
         """
         bare, outside = self._answer(X, groups)
-        margin = _MARGIN * (self.target_high_ - self.target_low_)
-        held = np.clip(bare, self.target_low_ - margin, self.target_high_ + margin)
+        held = np.clip(bare, *self._limits())
         return ForwardAnswer(held, (held != bare).any(axis=1), outside)
 
     def _bounded(self, bare: np.ndarray, outside: np.ndarray) -> np.ndarray:
@@ -122,12 +114,9 @@ class ForwardModel(OneLayerRegressor):
                 ExtrapolationWarning,
                 stacklevel=4,
             )
-        return self._shaped(np.clip(bare, *self._limits()))
+        held = np.clip(bare, *self._limits())
+        return held[:, 0] if self.n_outputs_ == 0 else held
 
     def _limits(self) -> tuple[np.ndarray, np.ndarray]:
         margin = _MARGIN * (self.target_high_ - self.target_low_)
         return self.target_low_ - margin, self.target_high_ + margin
-
-    @staticmethod
-    def _checked_instances() -> list[ForwardModel]:
-        return [ForwardModel(signals={"P": 0, "load": 0}, hidden=3, max_iter=4, n_starts=1, random_state=0)]

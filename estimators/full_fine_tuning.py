@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import KW_ONLY
-from typing import Any
-
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
 
@@ -15,10 +12,6 @@ class FullFineTuning(AdaptedModel):
 
     It starts at the source's own volume, so a target of another size is far away at first; `QAdapter` starts at its
     size. The prior is the source: the penalty is :math:`\lambda\lVert\theta-\theta_\mathrm{source}\rVert^2`.
-
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
 
     References
     ----------
@@ -40,12 +33,4 @@ class FullFineTuning(AdaptedModel):
     True
     """
 
-    _: KW_ONLY
-    blend: bool | str = "auto"
-
     method = "full"
-
-    def _adapter(self) -> Any:
-        from pamid.adapters.fine_tuning import FineTuning
-
-        return FineTuning()

@@ -20,13 +20,21 @@ from pamid.names import require_one_of
 from pamid.simulators.problem import Problem
 
 from ._base import SignalEstimator, Signals
-from ._gap_model import hybrid_with
-from ._gap_signals import EQUATIONS, located, read_by, run_names, spoken, values_of
-from ._gap_simulators import diagnosis_of, is_simulator, predict_simulator
+from ._gap import (
+    EQUATIONS,
+    diagnosis_of,
+    hybrid_with,
+    is_simulator,
+    located,
+    predict_simulator,
+    read_by,
+    run_names,
+    spoken,
+)
 from ._parameters import parameters
 from ._sequences import SequenceScore
 from ._streaming import SequenceStreaming
-from ._trajectories import has_trajectory_column, trajectory_codes
+from ._trajectories import has_trajectory_column, run_codes
 
 
 @parameters
@@ -71,8 +79,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     sense : "auto", 1 or -1, default="auto"
         1 where y is what an actuator delivers, from which friction subtracts; -1 where y is the driving force, to which
         friction adds. "auto" takes the one that explains clearly more, and 1 with a plant.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
     learned_remainder : bool, default=False
         Whether `predict` also adds a nonparametric function of the signals, fitted to what the causes leave, see
         `pamid.gap.learned`; with the verdict ``"unknown"`` that is the whole gap. It explains nothing, and holds for
@@ -118,10 +124,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Share of the gap beyond the noise that this learner predicts.
     signal_columns_ : dict of str to int
         Column of each role.
-    n_features_in_ : int
-        Number of columns seen in fit.
-    feature_names_in_ : ndarray
-        Their names, if X was a DataFrame with text names.
 
     See Also
     --------
@@ -146,10 +148,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     ('cause', ('viscous_friction',))
     """
 
-    __metadata_request__fit: ClassVar = {"groups": True, "where": True}
-    __metadata_request__predict: ClassVar = {"groups": True}
-    __metadata_request__score: ClassVar = {"groups": True}
-
     nominal: Any = None
     effects: str | Sequence[str] = "all"
     _: KW_ONLY
@@ -173,15 +171,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             Signals, and whatever the nominal model reads.
         y : array_like, shape (n_samples,)
             Measured target.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; without it a column ``trajectory`` serves.
         where : array_like of bool, shape (n_samples,), optional
             Rows that count, such as those of a muscle under tension; windows with any other are left out.
-
-        Returns
-        -------
-        GapDiagnoser
-            Itself, fitted.
 
         Raises
         ------
@@ -225,22 +216,21 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals, as in `fit`.
-        y : array_like, shape (n_samples,)
-            Measured target.
         groups : array_like, shape (n_samples,), optional
             Run of each row; without it a column ``trajectory`` serves, and without both the log is one
             run.
-
-        Returns
-        -------
-        GapDiagnoser
-            Itself, fitted.
         """
         return self._partial_fit_rows(X, y, None, groups)
 
     _memory_rows: ClassVar[int | None] = 100_000
+    _checked = (
+        {
+            "effects": ("viscous_friction", "bladder_elasticity", "force_bias"),
+            "signals": {"position": 0, "velocity": 0},
+            "one_trajectory": True,
+            "random_state": 0,
+        },
+    )
 
     def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
         return self._codes(X, groups)
@@ -259,7 +249,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
         self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
         self.next_experiment_ = found.next_experiment
-        self.effects_ = values_of(found.causes)
+        self.effects_ = {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in found.causes}
 
     @property
     def diagnosis_(self) -> Any:
@@ -272,7 +262,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         """Return the equation on a table."""
         import pandas as pd
 
-        names, labels = getattr(self, "feature_names_in_", None), self._labels()
+        names = getattr(self, "feature_names_in_", None)
 
         def modelled(X: pd.DataFrame) -> np.ndarray:
             if self.nominal is None:
@@ -282,7 +272,8 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             out = self.nominal.predict(read_by(self.nominal, read)) if fitted else self.nominal(read)
             return np.asarray(out, dtype=float).reshape(len(X))
 
-        columns = names if names is not None else [f"X[{k}]" for k in range(table.shape[1])]
+        columns = [str(n) for n in names] if names is not None else [f"X[{k}]" for k in range(table.shape[1])]
+        labels = {role: columns[k] for role, k in self.signal_columns_.items()}
         return Problem(
             pd.DataFrame(table, columns=columns), y, modelled, groups, labels, self.equation, "", self.plant, [],
             self.units or {}, None if where is None else column_or_1d(where).astype(bool),
@@ -302,8 +293,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
         Parameters
         ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals, as in `fit`.
         groups : array_like, shape (n_samples,), optional
             Run of each row, for causes with memory.
 
@@ -356,29 +345,13 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
     # --- signals --------------------------------------------------------------------------------------------
     def _codes(self, X: Any, groups: Any) -> np.ndarray:
         several = groups is not None or has_trajectory_column(X)
-        codes = trajectory_codes(
-            X,
-            groups,
-            one_trajectory=self.one_trajectory or (not several and hasattr(self, "findings_")),
-            needed_by=type(self).__name__,
-        )
-        assert codes is not None
-        return codes
+        one = self.one_trajectory or (not several and hasattr(self, "findings_"))
+        return run_codes(self, X, groups, one_trajectory=one)
 
     def _locate(self, n_columns: int) -> dict[str, int]:
         return located(self, n_columns)
-
-    def _labels(self) -> dict[str, str]:
-        names = [str(n) for n in getattr(self, "feature_names_in_", ())]
-        return {role: names[k] if names else f"X[{k}]" for role, k in self.signal_columns_.items()}
 
     def _repr_html_inner(self) -> str:
         """Put the verdict before scikit-learn's picture of the estimator."""
         picture = str(super()._repr_html_inner())
         return spoken(self.verdict_, self.causes_) + picture if hasattr(self, "findings_") else picture
-
-    @staticmethod
-    def _checked_instances() -> list[GapDiagnoser]:
-        roles = {"position": 0, "velocity": 0}
-        library = ("viscous_friction", "bladder_elasticity", "force_bias")
-        return [GapDiagnoser(effects=library, signals=roles, one_trajectory=True, random_state=0)]

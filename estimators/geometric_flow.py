@@ -53,8 +53,4 @@ class GeometricFlow(FlowLaw, GeometricRegressor):
 
     reads = STATE_SIGNALS
     _moving: ClassVar[tuple[str, ...]] = STATE_SIGNALS
-
-    @staticmethod
-    def _checked_instances() -> list[GeometricFlow]:
-        one = dict.fromkeys(STATE_SIGNALS, 0)
-        return [GeometricFlow(signals=one), GeometricFlow("tondu_lopez", signals=one, max_iter=50)]
+    _checked = ({}, {"model": "tondu_lopez", "max_iter": 50})

@@ -65,6 +65,11 @@ class GeometricForce(ForceLaw, GeometricRegressor):
     friction: bool = False
 
     _silent = ("rest_length",)
+    _checked = (
+        {},
+        {"model": "tondu_lopez", "max_iter": 50},
+        {"model": "bou_saba", "friction": True, "max_iter": 50},
+    )
 
     @classmethod
     def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
@@ -95,12 +100,3 @@ class GeometricForce(ForceLaw, GeometricRegressor):
             return 0.0
         numbers = {n: values[n] for n in _FRICTION_START}
         return braid_friction(state.deps, state.P - self.atmospheric_pressure, **numbers)
-
-    @staticmethod
-    def _checked_instances() -> list[GeometricForce]:
-        one = {"eps": 0, "P": 0}
-        return [
-            GeometricForce(signals=one),
-            GeometricForce("tondu_lopez", signals=one, max_iter=50),
-            GeometricForce("bou_saba", friction=True, signals=one | {"deps": 0}, max_iter=50),
-        ]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._empirical import EmpiricalForce, Values, check_positive
+from ._empirical import EmpiricalForce, Values
 from ._parameters import parameters
 
 
@@ -60,21 +60,19 @@ class HosovskyHybrid(EmpiricalForce):
 
     _nonlinear = ("a3",)
     reads = ("eps", "deps", "P")
-
-    def _declared(self) -> dict[str, FitParameter]:
-        check_positive(self, "rest_length")
-        inf = np.inf
-        found = (
-            FitParameter("a1", "N/Pa", -inf, inf, True, "rise of the exponential with pressure"),
-            FitParameter("a2", "N", -inf, inf, True, "exponential without pressure"),
-            FitParameter("a3", "-", -200.0, -0.05, True, "decay with contraction"),
-            FitParameter("a4", "N/Pa", -inf, inf, True, "pressure times contraction"),
-            FitParameter("a5", "N/Pa", -inf, inf, True, "pressure"),
-            FitParameter("a6", "N", -inf, inf, True, "constant"),
-            FitParameter("b0", "N s/m", -inf, inf, True, "damping without pressure"),
-            FitParameter("b1", "N s/(m Pa)", -inf, inf, True, "its rise with pressure"),
-        )
-        return {p.name: p for p in found}
+    # with one column for all three signals only the other terms are distinguishable
+    _apart: ClassVar = dict.fromkeys(("a1", "a4", "a5", "b1", "b0"), 0.0)
+    _checked = ({"fixed": _apart, "atmospheric_pressure": 0.0, "max_iter": 20},)
+    _parameters = (
+        FitParameter("a1", "N/Pa", -np.inf, np.inf, True, "rise of the exponential with pressure"),
+        FitParameter("a2", "N", -np.inf, np.inf, True, "exponential without pressure"),
+        FitParameter("a3", "-", -200.0, -0.05, True, "decay with contraction"),
+        FitParameter("a4", "N/Pa", -np.inf, np.inf, True, "pressure times contraction"),
+        FitParameter("a5", "N/Pa", -np.inf, np.inf, True, "pressure"),
+        FitParameter("a6", "N", -np.inf, np.inf, True, "constant"),
+        FitParameter("b0", "N s/m", -np.inf, np.inf, True, "damping without pressure"),
+        FitParameter("b1", "N s/(m Pa)", -np.inf, np.inf, True, "its rise with pressure"),
+    )
 
     def _grid(self) -> list[dict[str, float]]:
         return [{"a3": -float(a)} for a in np.geomspace(0.3, 100.0, 12)]
@@ -86,10 +84,3 @@ class HosovskyHybrid(EmpiricalForce):
         static = (values["a1"] * p + values["a2"]) * decay + values["a4"] * p * state.eps + values["a5"] * p
         damping = (values["b0"] + values["b1"] * p) * self.rest_length * state.deps
         return static + values["a6"] - damping
-
-    @staticmethod
-    def _checked_instances() -> list[HosovskyHybrid]:
-        # with one column for all three signals only these terms are distinguishable
-        apart = dict.fromkeys(("a1", "a4", "a5", "b1", "b0"), 0.0)
-        one = {"eps": 0, "deps": 0, "P": 0}
-        return [HosovskyHybrid(signals=one, fixed=apart, atmospheric_pressure=0.0, max_iter=20)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from sklearn.utils.validation import column_or_1d
@@ -92,8 +92,6 @@ class InverseModel(OneLayerRegressor):
     direction_step : float, default=0.01
         Reversal of the contraction over which the direction switches, dimensionless; the input changes gradually over
         it.
-    pressure_limits : (float, float), optional
-        Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that ask for a pressure beyond the limits or lie outside the data of the fit:
         bound the answer and warn, bound it silently, or raise `UnreachableError`.
@@ -143,14 +141,13 @@ class InverseModel(OneLayerRegressor):
 
     equations = ("inverse",)
     _turning = "eps"
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {
-            "": {"on_unreachable": "clip"},
-            "rates": {"inputs": ("F", "eps", "deps"), "on_unreachable": "clip"},
-            "direction": {"direction": True, "on_unreachable": "clip"},
-        }
+    _settings: ClassVar = {
+        "": {"on_unreachable": "clip"},
+        "rates": {"inputs": ("F", "eps", "deps"), "on_unreachable": "clip"},
+        "direction": {"direction": True, "on_unreachable": "clip"},
+    }
+    _small: ClassVar[dict[str, Any]] = {"hidden": 3, "max_iter": 4, "n_starts": 2, "random_state": 0}
+    _checked = (_small, _small | {"inputs": ("eps",), "direction": True, "trajectory_column": 0})
 
     def assess(self, X: Any, groups: Any = None) -> PressureAnswer:
         """Answer within the limits, and flag rows whose answer is unreliable.
@@ -159,8 +156,6 @@ class InverseModel(OneLayerRegressor):
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Wanted signals, SI units.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row, read if `direction` is set.
 
         Returns
         -------
@@ -193,14 +188,6 @@ class InverseModel(OneLayerRegressor):
     @staticmethod
     def _target(y: Any) -> np.ndarray:
         return np.asarray(column_or_1d(y, warn=True), dtype=float)
-
-    @staticmethod
-    def _checked_instances() -> list[InverseModel]:
-        small: dict[str, Any] = {"hidden": 3, "max_iter": 4, "n_starts": 2, "random_state": 0}
-        return [
-            InverseModel(signals={"F": 0, "eps": 0}, **small),
-            InverseModel(("eps",), signals={"eps": 0}, direction=True, trajectory_column=0, **small),
-        ]
 
 
 def checked_limits(limits: Any) -> tuple[float, float] | None:

@@ -8,17 +8,16 @@ from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
-from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ExtrapolationWarning
-from pamid.requirements import check_reads, formulas_of, reads_of
+from pamid.requirements import check_reads, formulas_of
 from pamid.signals.state import State
 
 from ._base import SignalRegressor
-from ._checks import check_counts, check_option, fit_arguments
+from ._checks import check_counts, check_option
+from ._inside import ForceInside, state_table
 from ._parameters import parameters
-from ._streaming import Streaming, forget
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
 from .inverse_model import POLICIES, PressureAnswer, answer_within, checked_limits
 
@@ -53,7 +52,7 @@ def narrowed(
 
 
 @parameters
-class InvertedForce(Streaming, SignalRegressor):
+class InvertedForce(Streaming, ForceInside, SignalRegressor):
     r"""Inverse of a force model by bounded root finding: the pressure at which it gives the desired force.
 
     .. math:: F(\varepsilon, \dot\varepsilon, P^\ast) = F_\mathrm{wanted}, \quad
@@ -70,16 +69,12 @@ class InvertedForce(Streaming, SignalRegressor):
         with the inverse; ``sklearn.frozen.FrozenEstimator(model)`` keeps one that is fitted already.
     grid : int, default=33
         Pressures at which roots are searched for.
-    pressure_limits : (float, float), optional
-        Least and largest answer, Pa absolute; by default the range of the fit.
     on_unreachable : {"warn", "clip", "raise"}, default="warn"
         What `predict` does about pairs that no pressure within the limits brings about: bound the answer and warn,
         bound it silently, or raise `UnreachableError`.
 
     Attributes
     ----------
-    model_ : estimator
-        The fitted force model.
     pressure_low_, pressure_high_ : float
         Range of pressure of the fit, Pa.
     eps_low_, eps_high_ : float
@@ -133,15 +128,10 @@ class InvertedForce(Streaming, SignalRegressor):
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return ("F", "eps", *(("deps",) if "deps" in self._read_by_model() else ()))
 
-    def _own_model(self) -> Any:
-        if self.model is not None:
-            return self.model
+    def _default_model(self) -> Any:
         from .geometric_force import GeometricForce
 
         return GeometricForce()
-
-    def _read_by_model(self) -> tuple[str, ...]:
-        return reads_of(self._own_model(), ("eps", "P"))
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Fit the force model, and note the range of the pressure.
@@ -175,10 +165,8 @@ class InvertedForce(Streaming, SignalRegressor):
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, pressure, weight = self._read_weighted(X, y, sample_weight, reset=True)
         eps, deps = self._motion(table)
-        self.model_ = clone(model)
-        given = fit_arguments(self.model_, None if sample_weight is None else weight, clusters)
-        self.model_.fit(self._inputs(eps, deps, pressure), self._signal(table, "F"), **given)
-        forget(self.model_)
+        given = None if sample_weight is None else weight
+        self._fit_inside(self._inputs(eps, deps, pressure), self._signal(table, "F"), given, clusters)
         self._remember(X, y, sample_weight, groups)
         used = weight > 0
         self.pressure_low_, self.pressure_high_ = float(pressure[used].min()), float(pressure[used].max())
@@ -186,27 +174,11 @@ class InvertedForce(Streaming, SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Return the pressure that brings the desired force about.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Wanted ``F`` (N), ``eps`` (dimensionless) and, if the model reads it, ``deps`` (1/s).
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Absolute pressure, Pa, within the limits.
-        """
+        """Return the absolute pressure, Pa, within the limits, that brings the desired force about."""
         return answer_within(*self.assess(X), self.on_unreachable, type(self).__name__)
 
     def assess(self, X: Any) -> PressureAnswer:
         """Answer within the limits, and flag rows whose answer is unreliable.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Wanted signals, as in `predict`.
 
         Returns
         -------
@@ -214,9 +186,7 @@ class InvertedForce(Streaming, SignalRegressor):
             Pressure (Pa, absolute) and flags: ``saturated`` where there is no root, ``extrapolated`` where the
             contraction or the answer lies outside those of the fit.
         """
-        if "model_" not in vars(self):  # a row is answered in less time than the check takes
-            check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "model_")
         if len(table) <= _CHUNK:
             return self._roots(table)
         parts = [self._roots(table[k : k + _CHUNK]) for k in range(0, len(table), _CHUNK)]
@@ -273,16 +243,11 @@ class InvertedForce(Streaming, SignalRegressor):
 
     def _inputs(self, eps: np.ndarray, deps: np.ndarray, P: np.ndarray) -> Any:
         """Return the table that the force model reads."""
-        import pandas as pd
+        return state_table(self._read_by_model(), eps, deps, P, np.zeros_like(P))
 
-        columns = {"eps": eps, "deps": deps, "P": P, "dP": np.zeros_like(P)}
-        return pd.DataFrame({name: columns[name] for name in self._read_by_model()})
-
-    @staticmethod
-    def _checked_instances() -> list[InvertedForce]:
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
         from .polynomial_force import PolynomialForce
 
-        return [
-            InvertedForce(signals={"F": 0, "eps": 0}),
-            InvertedForce(PolynomialForce(1), signals={"F": 0, "eps": 0}, grid=5),
-        ]
+        one = {"F": 0, "eps": 0}
+        return [cls(signals=one), cls(PolynomialForce(1), signals=one, grid=5)]

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ._balance import BalanceRegressor
+from ._linear import BalanceRegressor
 from ._parameters import parameters
 
 
@@ -65,6 +65,7 @@ class JointDrive(BalanceRegressor):
     reads = ("q", "dq", "ddq")
     equations = ("drive",)
     _state = _JointSignals
+    _checked = ({},)
 
     def _output(self) -> tuple[str, str]:
         return "drive", self.unit
@@ -80,7 +81,3 @@ class JointDrive(BalanceRegressor):
         level = np.sin(state.q + 0.5 * np.pi)  # cos q: ONNX runtimes know the sine alone in double precision
         one = 1.0 + 0.0 * state.q
         return [state.ddq, np.sin(state.q), level, one, self._way(state.dq), state.dq]
-
-    @staticmethod
-    def _checked_instances() -> list[JointDrive]:
-        return [JointDrive(signals={"q": 0, "dq": 0, "ddq": 0})]

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from pamid.laws.base import Law
-from pamid.signals.state import STATE_SIGNALS
 
 from ._laws import FlowLaw, ForceLaw, flow_of, force_of
 from ._parameters import parameters
@@ -53,27 +52,14 @@ class JointPIHM(ForceLaw, FlowLaw, HybridModel):
 
     equations = ("force", "flow")
     joint = True
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}}
+    _settings: ClassVar = {"": {}}
+    _checked = ({"volume_model": "neural", "hidden_layer_sizes": (6,), "max_iter": 8},)
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the laws of force and flow, of which a fit on one column keeps the force's.
-
-        Returns
-        -------
-        tuple of Law
-            Laws of force (N) and flow (kg/s).
-        """
+        """Return the laws of force and flow, of which a fit on one column keeps the force's."""
         return (force_of(self), flow_of(self))[: getattr(self, "n_targets_", 2)]
 
     def _measured(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
         table, target = self._read_targets(X, y, reset=True)
         self.n_targets_ = target.shape[1]
         return table, target
-
-    @classmethod
-    def _checked_instances(cls) -> list[JointPIHM]:
-        one = dict.fromkeys(STATE_SIGNALS, 0)
-        return [cls(volume_model="neural", hidden_layer_sizes=(6,), signals=one, max_iter=8)]

@@ -7,22 +7,20 @@ from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
-from pamid.constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from pamid.errors import UnknownOptionError
 from pamid.laws.base import Law
 from pamid.signals.state import STATE_SIGNALS, State
 
 from ._base import SignalRegressor
-from ._laws import flow_of, force_of
+from ._laws import FlowLaw, ForceLaw, flow_of, force_of
 from ._parameters import parameters
 
 LAWS = ("quasi_static", "thermodynamic")
 
 
 @parameters
-class LawRegressor(SignalRegressor):
+class LawRegressor(ForceLaw, FlowLaw, SignalRegressor):
     r"""Apply a law to a volume that an earlier step of the pipeline gives.
 
     .. math:: y = a\,V + b_\varepsilon \frac{\partial V}{\partial\varepsilon} + b_P \frac{\partial V}{\partial P}
@@ -32,17 +30,8 @@ class LawRegressor(SignalRegressor):
     Parameters
     ----------
     law : {"quasi_static", "thermodynamic"} or Law, default="quasi_static"
-        Force by virtual work, flow by the first law, or any `pamid.laws.base.Law`.
-    rest_length : float, default=0.2
-        L₀ of the muscle, m; read by ``"quasi_static"``.
-    atmospheric_pressure : float, default=101325
-        Ambient pressure, Pa, absolute; read by ``"quasi_static"``.
-    heat_capacity_ratio : float, default=1.4
-        γ, dimensionless; read by ``"thermodynamic"``, as are the next two.
-    gas_constant : float, default=287
-        R, J/(kg K).
-    temperature : float, default=293
-        T, K.
+        Force by virtual work, for `rest_length` and `atmospheric_pressure`; flow by the first law, for
+        `heat_capacity_ratio`, `gas_constant` and `temperature`; or any `pamid.laws.base.Law`.
     signals : dict, optional
         Column of X for each of ``eps`` (−), ``deps`` (1/s), ``P`` (Pa, absolute), ``dP`` (Pa/s), ``V`` (m³), ``V_eps``
         (m³) and ``V_P`` (m³/Pa).
@@ -64,21 +53,13 @@ class LawRegressor(SignalRegressor):
     law: Any = "quasi_static"
     _: KW_ONLY
     rest_length: float = 0.2
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    heat_capacity_ratio: float = HEAT_CAPACITY_RATIO
-    gas_constant: float = GAS_CONSTANT
-    temperature: float = TEMPERATURE
 
+    equations = ()
     reads: ClassVar[tuple[str, ...]] = (*STATE_SIGNALS, "V", "V_eps", "V_P")
+    _checked = ({}, {"law": "thermodynamic"})
 
-    def laws(self) -> tuple[Law]:
-        """Return the law that is applied.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+    def laws(self) -> tuple[Law, ...]:
+        """Return the law that is applied."""
         if self.law == "quasi_static":
             return (force_of(self),)
         if self.law == "thermodynamic":
@@ -111,20 +92,8 @@ class LawRegressor(SignalRegressor):
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Apply the law.
-
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Signals of the muscle, its volume and the volume's derivatives.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Force (N) or mass flow (kg/s).
-        """
-        check_is_fitted(self, "signal_columns_")
-        table, _ = self._read(X, reset=False)
+        """Apply the law: force in N or mass flow in kg/s."""
+        table = self._read_fitted(X, "signal_columns_")
         state = State(*(self._signal(table, name) for name in STATE_SIGNALS))
         V, V_eps, V_P = (self._signal(table, name) for name in ("V", "V_eps", "V_P"))
         return np.asarray(self.laws()[0].predict(V, V_eps, V_P, state))
@@ -133,8 +102,3 @@ class LawRegressor(SignalRegressor):
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
         law, state = self.laws()[0], State(*(signals[s] for s in STATE_SIGNALS))
         return {law.equation: (law.unit, law.predict(signals["V"], signals["V_eps"], signals["V_P"], state))}
-
-    @classmethod
-    def _checked_instances(cls) -> list[LawRegressor]:
-        one = dict.fromkeys(cls.reads, 0)
-        return [cls(signals=one), cls("thermodynamic", signals=one)]

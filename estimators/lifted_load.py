@@ -7,9 +7,7 @@ from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
-import pandas as pd
-from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted, column_or_1d, has_fit_parameter
+from sklearn.utils.validation import column_or_1d
 
 from pamid.constants import GRAVITY
 from pamid.errors import ExcitationWarning, ParameterError, TimeOrderError
@@ -18,10 +16,11 @@ from pamid.signals.state import State
 
 from ._base import SignalRegressor
 from ._checks import check_sizes
+from ._inside import ForceInside, state_table
 from ._narx import FreeRun
 from ._parameters import parameters
 from ._sequences import SequenceMixin
-from ._streaming import SequenceStreaming, forget
+from ._streaming import SequenceStreaming
 from ._trajectories import trajectory_slices
 
 LIFTED = 0.002
@@ -35,7 +34,7 @@ NUDGE = 1e-4
 
 
 @parameters
-class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
+class LiftedLoad(SequenceStreaming, SequenceMixin, ForceInside, SignalRegressor):
     r"""Contraction of a muscle that lifts a load, in free run: any force model, integrated by Newton's law.
 
     .. math:: M L_0\,\ddot\varepsilon = F(\varepsilon, \dot\varepsilon, P, \dot P) - M g, \qquad \varepsilon \ge 0
@@ -48,8 +47,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
     ----------
     model : estimator, optional
         Force model of single rows of ``eps``, ``P`` and perhaps ``deps``, ``dP``; `ThreeElement` by default.
-    rest_length : float, default=0.2
-        L₀, m.
     load : str or float, default="load"
         Signal of the load M, kg, or one load for all rows.
     time : str or None, default="time"
@@ -63,8 +60,6 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
 
     Attributes
     ----------
-    model_ : estimator
-        The fitted force model.
     eps_low_, eps_high_ : float
         Range of contraction of the fit.
     pressure_low_, pressure_high_ : float
@@ -117,9 +112,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
         named = (self.time, "P", self.load if isinstance(self.load, str) else None, self.start)
         return tuple(dict.fromkeys(name for name in named if name))
 
-    def _own_model(self) -> Any:
-        if self.model is not None:
-            return self.model
+    def _default_model(self) -> Any:
         from .three_element import ThreeElement
 
         return ThreeElement(rest_length=self.rest_length)
@@ -147,9 +140,8 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
             If all rows have the same load, which hardly determines the force.
         """
         check_sizes(self, rest_length=0.0, step=0.0, margin=0.0)
-        model = self._own_model()
         reads = check_reads(
-            model,
+            self._own_model(),
             State._fields,
             needed=("P",),
             sequential=False,
@@ -175,37 +167,18 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
         self.n_lifted_ = int(lifted.sum())
         self.eps_low_, self.eps_high_ = float(eps.min()), float(eps.max())
         self.pressure_low_, self.pressure_high_ = float(P.min()), float(P.max())
-        self.model_ = clone(model)
-        given = {"groups": codes[lifted]} if has_fit_parameter(self.model_, "groups") else {}
-        self.model_.fit(_state(reads, eps, deps, P, dP)[lifted], force[lifted], **given)
-        forget(self.model_)
+        self._fit_inside(state_table(reads, eps, deps, P, dP)[lifted], force[lifted], groups=codes[lifted])
         self._remember(X, y, groups=groups)
         if (count := parameter_count(self.model_)) is not None:
             self.n_parameters_ = count
         return self
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely, and warn where it had to be held.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Time, pressure and load, as in fit, and the signal `start` if there is one.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Contraction ratio.
-        """
+        """Simulate the contraction ratio of each run freely, and warn where it had to be held."""
         return self.simulate(X, groups=groups).told(type(self).__name__, "contractions")
 
     def simulate(self, X: Any, groups: Any = None) -> FreeRun:
         """Simulate all runs freely, side by side.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            As in `predict`.
 
         Returns
         -------
@@ -213,8 +186,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
             Contractions, rows at which a run was held at the edge of those of the fit, and rows whose pressure lies
             outside the fit.
         """
-        check_is_fitted(self, "model_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "model_")
         slices = trajectory_slices(self._codes(X, table, groups))
         slices.sort(key=lambda s: s.start - s.stop)  # the longest first: those that still run are then the first ones
         t, P, M = self._motion(table, slices)
@@ -248,7 +220,7 @@ class LiftedLoad(SequenceStreaming, SequenceMixin, SignalRegressor):
         self, eps: np.ndarray, v: np.ndarray, P: np.ndarray, dP: np.ndarray, M: np.ndarray, h: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Take a step, linearly implicit in stiffness and damping; a negative one is taken for none."""
-        many = _state(
+        many = state_table(
             tuple(self.model_.reads),
             np.concatenate([eps, eps + NUDGE, eps]),
             np.concatenate([v, v, v + NUDGE]),
@@ -289,8 +261,3 @@ def _rates(t: np.ndarray, values: np.ndarray, slices: list[slice]) -> np.ndarray
         if s.stop - s.start > 1:
             out[s] = np.gradient(values[s], t[s])
     return out
-
-
-def _state(reads: tuple[str, ...], eps: np.ndarray, deps: np.ndarray, P: np.ndarray, dP: np.ndarray) -> pd.DataFrame:
-    columns = {"eps": eps, "deps": deps, "P": P, "dP": dP}
-    return pd.DataFrame({name: columns[name] for name in reads})

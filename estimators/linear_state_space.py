@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError, ShortTrajectoryError, needs
-from pamid.fitting.epochs import standardisation
 
-from ._base import SignalRegressor
 from ._checks import check_counts, warn_of_still_columns
+from ._narx import OutputModel
 from ._parameters import parameters
-from ._sequences import SequenceMixin
-from ._streaming import SequenceStreaming
 from ._subspace import Realisation, gain_alone, realisations, simulated, steady
 from ._trajectories import trajectory_slices
 
 
 @parameters
-class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
+class LinearStateSpace(OutputModel):
     r"""Linear state-space model of an output under inputs, by subspace identification (PO-MOESP).
 
     .. math:: x_{t+1} = A\,x_t + B\,u_t, \qquad y_t = C\,x_t + D\,u_t + c
@@ -35,8 +31,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
 
     Parameters
     ----------
-    inputs : sequence of str, default=("P", "load")
-        Signals that drive the output: absolute pressure (Pa), load (kg), valve command or any other column.
     order : int or "auto", default="auto"
         Number of states.
     max_order : int, default=8
@@ -96,18 +90,14 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
     (1, 0.8)
     """
 
-    inputs: Sequence[str] = ("P", "load")
     _: KW_ONLY
     order: int | str = "auto"
     max_order: int = 8
     block_rows: int = 20
     start: str | None = None
 
-    equations = ("dynamic",)
-
-    @property
-    def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
-        return tuple(dict.fromkeys((*self.inputs, *((self.start,) if self.start else ()))))
+    # each row a run of its own, as predictions must not change with the order of rows
+    _checked = ({"inputs": ("x",), "max_order": 2, "block_rows": 3, "trajectory_column": 0},)
 
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Find order and matrices.
@@ -129,16 +119,10 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
         check_counts(self, "max_order", "block_rows")
         if self.order != "auto":
             check_counts(self, "order")
-        table, y = self._read(X, y, reset=True)
-        target = np.asarray(column_or_1d(y, warn=True), dtype=float)
-        slices = trajectory_slices(self._codes(X, table, groups))
-        columns = self._signals(table, self.inputs)
+        columns, target, codes = self._read_runs(X, y, groups)
+        slices = trajectory_slices(codes)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
-        ones = np.ones(len(target))
-        self.input_mean_, self.input_scale_ = standardisation(columns, ones)
-        mean, scale = standardisation(target[:, None], ones)
-        self.output_mean_, self.output_scale_ = float(mean[0]), float(scale[0])
-        u, z = (columns - self.input_mean_) / self.input_scale_, (target - self.output_mean_) / self.output_scale_
+        u, z = self._scaled(columns, target)
         chosen = self._chosen(u, z, slices)
         self.A_, self.B_, self.C_, self.D_ = chosen.A, chosen.B, chosen.C, chosen.D
         self.offset_ = chosen.offset * self.output_scale_ + self.output_mean_
@@ -167,25 +151,19 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
             )
         found = realisations(u, z, slices, rows, most)
         self.orders_ = [
-            {"order": len(r.A), "correlation": r.correlation, "fit": _fit(r), "criterion": r.criterion} for r in found
+            {
+                "order": len(r.A),
+                "correlation": r.correlation,
+                "fit": float(100.0 * (1.0 - np.sqrt(r.loss))),
+                "criterion": r.criterion,
+            }
+            for r in found
         ]
         return min(found, key=lambda r: r.criterion) if self.order == "auto" else found[-1]
 
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Simulate each run freely.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Inputs and, if `start` names it, the output before the first row; as in fit.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Output, in the unit of y.
-        """
-        check_is_fitted(self)
-        table, _ = self._read(X, reset=False)
+        """Simulate each run freely."""
+        table = self._read_fitted(X, "A_")
         u = (self._signals(table, self.inputs) - self.input_mean_) / self.input_scale_
         out = np.empty(len(u))
         for rows in trajectory_slices(self._codes(X, table, groups)):
@@ -224,12 +202,6 @@ class LinearStateSpace(SequenceStreaming, SequenceMixin, SignalRegressor):
         D = (size * self.D_ / self.input_scale_)[None]
         return control.StateSpace(self.A_, B, size * self.C_[None], D, sampling_interval)
 
-    @staticmethod
-    def _checked_instances() -> list[LinearStateSpace]:
-        # each row a run of its own, as predictions must not change with the order of rows
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
-        return [LinearStateSpace(("x",), max_order=2, block_rows=3, **one)]
-
 
 def _most_rows(slices: list[slice], n_inputs: int) -> int:
     """Return how many block rows the runs allow: twice as many columns as rows of the projection."""
@@ -238,8 +210,3 @@ def _most_rows(slices: list[slice], n_inputs: int) -> int:
         if int(np.maximum(lengths - 2 * rows + 1, 0).sum()) >= 2 * rows * (2 * n_inputs + 2):
             return rows
     return 0
-
-
-def _fit(found: Realisation) -> float:
-    """Return the fit of free runs, %."""
-    return float(100.0 * (1.0 - np.sqrt(found.loss)))

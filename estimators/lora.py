@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
 from typing import Any
 
 from ._adaptation import AdaptedModel
@@ -22,10 +21,6 @@ class LoRA(AdaptedModel):
     ranks : tuple of int, default=(2, 4)
         Rank of the product for each layer, from the input on; 0 leaves a layer as it is. The default counts the 1,288
         parameters of the published table on the published network; the shapes in its text would be 2,312.
-
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
 
     References
     ----------
@@ -48,8 +43,6 @@ class LoRA(AdaptedModel):
     """
 
     ranks: Sequence[int] = (2, 4)
-    _: KW_ONLY
-    blend: bool | str = "auto"
 
     method = "lora"
 

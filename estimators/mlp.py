@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from itertools import pairwise
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
@@ -113,13 +112,14 @@ class MLP(Streaming, PlainNetwork):
     patience: int = 30
     tol: float = 1e-5
 
+    _small: ClassVar[dict[str, Any]] = {"hidden": (3,), "max_iter": 4, "random_state": 0}
+    _checked = (_small, _small | {"inputs": ("x",), "activation": "softplus", "optimizer": "lbfgs", "alpha": 1e-4})
+
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Train the network from new weights.
 
         Parameters
         ----------
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
         groups : array_like, shape (n_samples,), optional
             Run of each row, read if `early_stopping` is set; a column ``trajectory`` of a DataFrame serves
             too.
@@ -133,7 +133,8 @@ class MLP(Streaming, PlainNetwork):
         """
         self._check_parameters()
         rng = local_generator(self.random_state)
-        columns, target, weights = self._table(X, y, sample_weight, reset=True)
+        table, target, weights = self._read_weighted(X, y, sample_weight, reset=True)
+        columns = self._signals(table, self.inputs)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
@@ -157,9 +158,7 @@ class MLP(Streaming, PlainNetwork):
 
     def predict(self, X: Any) -> np.ndarray:
         """Evaluate the network."""
-        check_is_fitted(self, "weights_")
-        X, _ = self._read(X, reset=False)
-        columns = self._signals(X, self.inputs)
+        columns = self._signals(self._read_fitted(X, "weights_"), self.inputs)
         result = np.empty(len(columns))
         for start in range(0, len(columns), _CHUNK):
             chunk = slice(start, start + _CHUNK)
@@ -174,10 +173,6 @@ class MLP(Streaming, PlainNetwork):
         check_option(self, "optimizer", OPTIMIZERS)
         if any(int(units) < 1 for units in self.hidden):
             raise ParameterError(f"hidden is {self.hidden!r}.", "at least one unit in each layer", "Correct hidden.")
-
-    def _table(self, X: Any, y: Any, sample_weight: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        table, target, weights = self._read_weighted(X, y, sample_weight, reset=reset)
-        return self._signals(table, self.inputs), target, weights
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray, weights: np.ndarray) -> tuple[Any, Any, Any]:
         """Standardised inputs and target, and weights of mean one, as tensors."""
@@ -313,11 +308,3 @@ class MLP(Streaming, PlainNetwork):
             callback=after_iteration,
             options={"maxiter": epochs, "maxcor": 20, "ftol": 1e-15, "gtol": 1e-9, "maxfun": 10**9},
         )
-
-    @staticmethod
-    def _checked_instances() -> list[MLP]:
-        small: dict[str, Any] = {"hidden": (3,), "random_state": 0}
-        return [
-            MLP(signals=dict.fromkeys(("eps", "P", "dP"), 0), max_iter=4, **small),
-            MLP(("x",), signals={"x": 0}, activation="softplus", optimizer="lbfgs", alpha=1e-4, max_iter=4, **small),
-        ]

@@ -29,12 +29,8 @@ class NNARX(NARXRegressor):
 
     Parameters
     ----------
-    hidden : int, default=10
-        Units of the hidden layer.
     alpha : float, default=1.0
         Weight decay: factor of 1e-6 of the squared weights in the mean squared error, dimensionless.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
 
     Attributes
     ----------
@@ -73,15 +69,17 @@ class NNARX(NARXRegressor):
     alpha: float = 1.0
     random_state: Any = None
 
+    _checked = (
+        {"inputs": ("x",), "hidden": 2, "horizon": 4, "max_iter": 3, "trajectory_column": 0, "random_state": 0},
+    )
+
     def _check_parameters(self) -> None:
         super()._check_parameters()
         check_counts(self, "hidden")
 
-    def _n_lags(self) -> int:
-        return int(self.output_lags) + int(self.input_lags) * len(self.inputs)
-
     def _weights(self, theta: np.ndarray) -> dict[str, np.ndarray]:
-        return unflatten(theta, self._n_lags(), int(self.hidden), 1)
+        n_lags = int(self.output_lags) + int(self.input_lags) * len(self.inputs)
+        return unflatten(theta, n_lags, int(self.hidden), 1)
 
     def _one_step(self, phi: np.ndarray, step: np.ndarray) -> np.ndarray:
         weights = initial_weights(local_generator(self.random_state), phi.shape[1], int(self.hidden), 1)
@@ -103,9 +101,3 @@ class NNARX(NARXRegressor):
 
     def _theta(self) -> np.ndarray:
         return flatten(self.weights_)
-
-    @staticmethod
-    def _checked_instances() -> list[NNARX]:
-        # each row a run of its own, as predictions must not change with the order of rows
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0, "random_state": 0}
-        return [NNARX(("x",), hidden=2, horizon=4, max_iter=3, **one)]

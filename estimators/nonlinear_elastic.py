@@ -10,7 +10,7 @@ import numpy as np
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._empirical import EmpiricalForce, Values, check_positive
+from ._empirical import EmpiricalForce, Values
 from ._parameters import parameters
 
 
@@ -55,18 +55,14 @@ class NonlinearElastic(EmpiricalForce):
 
     _nonlinear = ("contraction",)
     reads = ("eps", "P")
-
-    def _declared(self) -> dict[str, FitParameter]:
-        check_positive(self, "rest_length")
-        inf = np.inf
-        found = (
-            FitParameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle no longer pulls"),
-            FitParameter("c0", "N/m", -inf, inf, True, "stiffness without pressure"),
-            FitParameter("c1", "N/m³", -inf, inf, True, "its rise with the stretch squared"),
-            FitParameter("c2", "N/(Pa m²)", -inf, inf, True, "its rise with pressure times stretch"),
-            FitParameter("c3", "N/(Pa² m)", -inf, inf, True, "its rise with the pressure squared"),
-        )
-        return {p.name: p for p in found}
+    _checked = ({"max_iter": 20},)
+    _parameters = (
+        FitParameter("contraction", "-", 0.02, 2.0, True, "contraction at which the muscle no longer pulls"),
+        FitParameter("c0", "N/m", -np.inf, np.inf, True, "stiffness without pressure"),
+        FitParameter("c1", "N/m³", -np.inf, np.inf, True, "its rise with the stretch squared"),
+        FitParameter("c2", "N/(Pa m²)", -np.inf, np.inf, True, "its rise with pressure times stretch"),
+        FitParameter("c3", "N/(Pa² m)", -np.inf, np.inf, True, "its rise with the pressure squared"),
+    )
 
     def _grid(self) -> list[dict[str, float]]:
         return [{"contraction": float(c)} for c in np.geomspace(0.1, 1.0, 12)]
@@ -75,7 +71,3 @@ class NonlinearElastic(EmpiricalForce):
         p = self._gauge(state)
         s = self.rest_length * (values["contraction"] - state.eps)
         return (values["c0"] + values["c1"] * s * s + values["c2"] * p * s + values["c3"] * p * p) * s
-
-    @staticmethod
-    def _checked_instances() -> list[NonlinearElastic]:
-        return [NonlinearElastic(signals={"eps": 0, "P": 0}, max_iter=20)]

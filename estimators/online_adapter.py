@@ -26,8 +26,7 @@ from ._base import SignalRegressor
 from ._checks import check_squares
 from ._hybrid_use import predicted
 from ._parameters import parameters
-from ._source import hybrid_of
-from ._tiny_source import tiny_source
+from ._source import hybrid_of, tiny_source
 from ._trajectories import trajectory_codes
 
 
@@ -147,11 +146,6 @@ class OnlineAdapter(SignalRegressor):
             What the source predicts, measured: force (N) or mass flow (kg/s).
         groups : array, shape (n_samples,), optional
             Run of each row; a column ``trajectory`` serves as well. Without either the rows are one run.
-
-        Returns
-        -------
-        OnlineAdapter
-            The adapter itself.
         """
         self._check_settings()
         table, y = self._read(X, y, reset=True)
@@ -203,11 +197,6 @@ class OnlineAdapter(SignalRegressor):
             Measured force (N) or mass flow (kg/s); NaN where there is none.
         groups : array, shape (n_samples,), optional
             Run of each row. What effects remember starts afresh where it changes within a call.
-
-        Returns
-        -------
-        OnlineAdapter
-            The adapter itself.
         """
         if not hasattr(self, "values_"):
             return self.fit(X, y, groups)
@@ -278,8 +267,7 @@ class OnlineAdapter(SignalRegressor):
         ndarray, shape (n_samples,)
             Force (N) or mass flow (kg/s).
         """
-        check_is_fitted(self, "values_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "values_")
         streamed = self._streamed()
         # Without memory, it does not matter where a run begins.
         codes = trajectory_codes(X, groups) if streamed or groups is not None else None
@@ -337,13 +325,7 @@ class OnlineAdapter(SignalRegressor):
         return H, total
 
     def laws(self) -> tuple[Law, ...]:
-        """Return the law that the source obeys.
-
-        Returns
-        -------
-        tuple of Law
-            One law, of force (N) or of flow (kg/s).
-        """
+        """Return the law that the source obeys."""
         return hybrid_of(self.source, type(self).__name__).laws()
 
     def _streamed(self) -> list[StreamedEffect]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
 from typing import Any
 
 from ._adaptation import AdaptedModel
@@ -18,10 +17,6 @@ class PartialFineTuning(AdaptedModel):
     ----------
     layers : tuple of int, default=(0,)
         Layers to train, counted from 0 at the input. The published choice is the first one, 640 parameters.
-
-    See Also
-    --------
-    QAdapter : Starts at the target's size by a factor on the volume.
 
     References
     ----------
@@ -44,8 +39,6 @@ class PartialFineTuning(AdaptedModel):
     """
 
     layers: Sequence[int] = (0,)
-    _: KW_ONLY
-    blend: bool | str = "auto"
 
     method = "partial"
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import ClassVar
 
 from pamid.signals.state import STATE_SIGNALS, State
 from pamid.volume import VolumeJet
 
 from ._laws import FlowLaw
+from ._linear import PolynomialRegressor, require_degree
 from ._parameters import parameters
-from ._polynomial import PolynomialRegressor, require_degree
 
 
 @parameters
@@ -67,10 +67,8 @@ class PolynomialFlow(FlowLaw, PolynomialRegressor):
     pressure_degree: int = 0
 
     reads = STATE_SIGNALS
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"contraction": {}, "contraction, pressure": {"pressure_degree": 1}}
+    _settings: ClassVar = {"contraction": {}, "contraction, pressure": {"pressure_degree": 1}}
+    _checked = ({"degree": 2}, {"degree": 1, "pressure_degree": 1})
 
     def _powers(self) -> list[tuple[int, int]]:
         d = require_degree("degree", self.degree, 0)
@@ -87,8 +85,3 @@ class PolynomialFlow(FlowLaw, PolynomialRegressor):
             VolumeJet(eps**i * P**j, i * eps ** max(i - 1, 0) * P**j, j * eps**i * P ** max(j - 1, 0))
             for i, j in self._powers()
         ]
-
-    @staticmethod
-    def _checked_instances() -> list[PolynomialFlow]:
-        one = dict.fromkeys(STATE_SIGNALS, 0)
-        return [PolynomialFlow(degree=2, signals=one), PolynomialFlow(degree=1, pressure_degree=1, signals=one)]

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 from pamid.errors import IncompatibleError, UnknownOptionError
 from pamid.signals.state import State
 from pamid.volume import VolumeJet
 
 from ._laws import ForceLaw
+from ._linear import PolynomialRegressor, require_degree
 from ._parameters import parameters
-from ._polynomial import PolynomialRegressor, require_degree
 
 
 @parameters
@@ -69,10 +69,8 @@ class PolynomialForce(ForceLaw, PolynomialRegressor):
 
     reads = ("eps", "P")
     _level_known = False
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"area": {}, "surface": {"form": "surface"}}
+    _settings: ClassVar = {"area": {}, "surface": {"form": "surface"}}
+    _checked = ({"degree": 2}, {"degree": 2, "form": "surface"})
 
     def _powers(self) -> list[tuple[int, int]]:
         """Return the powers of ε and p of each term of the surface, constant first."""
@@ -109,11 +107,6 @@ class PolynomialForce(ForceLaw, PolynomialRegressor):
     def volume(self, X: Any) -> VolumeJet:
         """Return the identified volume and its derivatives, and warn where they make no physical sense.
 
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            Columns ``eps`` (dimensionless) and ``P`` (Pa, absolute).
-
         Returns
         -------
         VolumeJet
@@ -131,8 +124,3 @@ class PolynomialForce(ForceLaw, PolynomialRegressor):
                 "Use form='area', GeometricForce or StaticPIHM.",
             )
         return super().volume(X)
-
-    @staticmethod
-    def _checked_instances() -> list[PolynomialForce]:
-        one = {"eps": 0, "P": 0}
-        return [PolynomialForce(degree=2, signals=one), PolynomialForce(degree=2, form="surface", signals=one)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import KW_ONLY
 from itertools import combinations_with_replacement
-from typing import Any
 
 import numpy as np
 
@@ -77,6 +76,8 @@ class PolynomialNARX(NARXRegressor):
     threshold: float = 1e-6
     alpha: float = 1e-3
 
+    _checked = ({"inputs": ("x",), "degree": 2, "n_terms": 3, "horizon": 4, "max_iter": 3, "trajectory_column": 0},)
+
     def _check_parameters(self) -> None:
         super()._check_parameters()
         check_counts(self, "degree", "n_terms")
@@ -114,11 +115,6 @@ class PolynomialNARX(NARXRegressor):
 
     def _theta(self) -> np.ndarray:
         return self.coef_
-
-    @staticmethod
-    def _checked_instances() -> list[PolynomialNARX]:
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
-        return [PolynomialNARX(("x",), degree=2, n_terms=3, horizon=4, max_iter=3, **one)]
 
 
 def _powers(n_lags: int, degree: int) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 from pamid.errors import AdaptationWarning, IncompatibleError, ParameterError
 
 from ._adaptation import AdaptedModel
+from ._hybrid_fit import FitSamples
 from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
@@ -88,14 +89,8 @@ class QAdapter(AdaptedModel):
     _: KW_ONLY
     base: Any = "full"
     size_uncertainty: tuple[float, float] = (0.02, 0.05)
-    blend: bool | str = "auto"
 
     method = "q"
-
-    def _adapter(self) -> Any:
-        from pamid.adapters.registry import adapter_named
-
-        return adapter_named(self.base)
 
     def _trains_q(self) -> bool:
         """Whether Q is one of the trained parameters, as published, instead of part of the volume's scale."""
@@ -143,7 +138,8 @@ class QAdapter(AdaptedModel):
             )
         return float(self.initial), spread
 
-    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
+        table, Y, weight, codes = rows
         guess, relative = self._first_guess()
         f = predicted(model, table) / model.target_scale_
         y = Y / model.target_scale_

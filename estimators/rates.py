@@ -22,10 +22,9 @@ from pamid.errors import (
 from pamid.signals.driven import differentiate_driven, fit_gains
 from pamid.signals.rates import differentiate, irregularity, tune_cutoff
 
-from ._frames import TakesFrames
-from ._parameters import parameters
+from ._parameters import TakesFrames, parameters
 from ._streaming import SequenceStreaming
-from ._trajectories import encode_text_columns, trajectory_codes, trajectory_slices
+from ._trajectories import encode_text_columns, run_codes, trajectory_slices
 from ._typed import BaseEstimator, TransformerMixin
 
 
@@ -59,8 +58,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         Whether to append the second rates too, as ``ddx``.
     sampling_period : float or None, default=None
         Time between rows, s, where there is no time column.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither `groups` nor a column ``trajectory`` names them.
 
     Attributes
     ----------
@@ -74,10 +71,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         What one unit of each input adds to the rate, likewise.
     time_index_ : int or None
         Position of the time column.
-    n_features_in_ : int
-        Number of columns seen by `fit`.
-    feature_names_in_ : ndarray of str
-        Names of the columns seen by `fit`, where they have names.
 
     See Also
     --------
@@ -136,8 +129,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             Table whose rows are samples in time order, run by run.
         y : None
             Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
 
         Raises
         ------
@@ -146,9 +137,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         MissingColumnError
             If a column is missing, or there is neither time nor `sampling_period`.
         """
-        table = validate_data(
-            self, encode_text_columns(X, self._read_columns()), dtype=np.float64, ensure_min_samples=2
-        )
+        table = self._table(X, ensure_min_samples=2)
         names = [str(n) for n in getattr(self, "feature_names_in_", [])]
         if isinstance(self.columns, str) or not len(self.columns):
             raise ParameterError(
@@ -167,7 +156,7 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
                 "no column with the name of a rate to be made",
                 "Drop or rename them, or leave their signals out of columns.",
             )
-        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
+        slices = self._slices(X, table, groups)
         times = [self._times(table, rows) for rows in slices]
         if isinstance(self.tuning, str) and self.tuning == "auto":
             self.cutoffs_ = np.array(
@@ -206,28 +195,14 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return self._partial_fit_rows(X, y, None, groups)
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
+        table = self._table(X, reset=False)
         return table, np.zeros((len(table), 1))
 
-    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray | None:
-        known = X if isinstance(X, pd.DataFrame) else table
-        return trajectory_codes(known, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
+    def _stream_codes(self, X: Any, table: np.ndarray, groups: Any) -> np.ndarray:
+        return run_codes(self, X if isinstance(X, pd.DataFrame) else table, groups)
 
     def transform(self, X: Any, groups: Any = None) -> Any:
-        """Append the rates.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            Table whose rows are samples in time order, run by run.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_features_out)
-            X with the rates appended, a DataFrame where X is one and ``set_output(transform="default")`` was not asked
-            for; units of the columns per s.
+        """Append the rates, in units of the columns per s.
 
         Raises
         ------
@@ -235,11 +210,16 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
             If a run has fewer than two rows.
         """
         check_is_fitted(self, "cutoffs_")
-        table = validate_data(self, encode_text_columns(X, self._read_columns()), dtype=np.float64, reset=False)
+        table = self._table(X, reset=False)
         smoothed = np.empty((len(table), len(self.column_indices_)))
         rates = [np.empty_like(smoothed) for _ in range(2 if self.second else 1)]
-        slices = self._slices(X if isinstance(X, pd.DataFrame) else table, groups)
-        self._warn_of_irregular_times([self._times(table, rows) for rows in slices])
+        slices = self._slices(X, table, groups)
+        times = [self._times(table, rows) for rows in slices]
+        told = [text for t in times if t is not None and (text := irregularity(t))]
+        if told:
+            warnings.warn(
+                f"{len(told)} of {len(slices)} runs are not sampled evenly. {told[0]}", SamplingWarning, stacklevel=4
+            )
         for rows in slices:
             results = differentiate(
                 table[rows][:, self.column_indices_],
@@ -278,23 +258,11 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         return np.concatenate([table, *rates], axis=1)
 
     def fit_transform(self, X: Any, y: Any = None, groups: Any = None) -> Any:
-        """Fit to X and append the rates to it.
-
-        Returns
-        -------
-        DataFrame or ndarray, shape (n_samples, n_features_out)
-            X with the rates appended.
-        """
+        """Fit to X and append the rates to it."""
         return self.fit(X, y, groups=groups).transform(X, groups=groups)
 
     def get_feature_names_out(self, input_features: Any = None) -> np.ndarray:
-        """Name the columns that `transform` returns.
-
-        Returns
-        -------
-        ndarray of str
-            The names of X, then ``d<name>`` for each column, then ``dd<name>`` with `second`.
-        """
+        """Name the columns that `transform` returns: those of X, ``d<name>`` for each, ``dd<name>`` with `second`."""
         check_is_fitted(self, "cutoffs_")
         names = _check_feature_names_in(self, input_features)
         return np.array([*names, *self._new_names([str(n) for n in names])], dtype=object)
@@ -346,10 +314,14 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
         own = [names[i] for i in self.column_indices_]
         return [f"{d}{n}" for d in (("d", "dd") if self.second else ("d",)) for n in own]
 
-    def _slices(self, X: Any, groups: Any) -> list[slice]:
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None
-        slices = trajectory_slices(codes)
+    def _table(self, X: Any, **checks: Any) -> np.ndarray:
+        table: np.ndarray = validate_data(
+            self, encode_text_columns(X, self._read_columns()), dtype=np.float64, **checks
+        )
+        return table
+
+    def _slices(self, X: Any, table: np.ndarray, groups: Any) -> list[slice]:
+        slices = trajectory_slices(self._stream_codes(X, table, groups))
         short = next((s for s in slices if s.stop - s.start < 2), None)
         if short is not None:
             raise ShortTrajectoryError(
@@ -361,15 +333,6 @@ class RateTransformer(TakesFrames, SequenceStreaming, TransformerMixin, BaseEsti
 
     def _times(self, table: np.ndarray, rows: slice) -> np.ndarray | None:
         return None if self.time_index_ is None else table[rows, self.time_index_]
-
-    @staticmethod
-    def _warn_of_irregular_times(times: list[np.ndarray | None]) -> None:
-        """Warn once for all runs."""
-        said = [s for s in (irregularity(t) for t in times if t is not None) if s]
-        if said:
-            warnings.warn(
-                f"{len(said)} of {len(times)} runs are not sampled evenly. {said[0]}", SamplingWarning, stacklevel=5
-            )
 
     def _find_time(self, names: list[str], n_columns: int) -> int | None:
         named = isinstance(self.time, str)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
-from sklearn.utils.validation import check_is_fitted, column_or_1d
+from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import ParameterError
 from pamid.fitting.epochs import (
@@ -132,6 +132,14 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
     patience: int = 20
     tol: float = 1e-4
 
+    # scikit-learn's checks ask for predictions that do not change with the order of rows; what has a memory gives
+    # them only where each row is a run of its own, which the values of the first column make it
+    _small: ClassVar[dict[str, Any]] = {
+        "inputs": ("x",), "trajectory_column": 0, "hidden": 2, "window": 4, "burn_in": 2, "max_iter": 2,
+        "random_state": 0,
+    }  # fmt: skip
+    _checked = (_small, _small | {"cell": "lstm", "layers": 2, "segment_length": None})
+
     def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Train the network from new weights.
 
@@ -139,8 +147,6 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         ----------
         X : DataFrame or array_like, shape (n_samples, n_columns)
             Signals, SI units, in time order within each run, at one sampling period throughout.
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
 
         Raises
         ------
@@ -153,7 +159,9 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         """
         self._check_parameters()
         rng = local_generator(self.random_state)
-        columns, target, codes = self._table(X, y, groups, reset=True)
+        table, given = self._read(X, y, reset=True)
+        columns, target = self._signals(table, self.inputs), column_or_1d(given, warn=True).astype(float)
+        codes = self._codes(X, table, groups)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         held_out = np.zeros(len(target), dtype=bool)
         if self.early_stopping:
@@ -174,7 +182,9 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
             return self._epoch(network, adam, inputs, wanted, training, rng)
 
         def validate() -> float:
-            return self._mean_square(network, inputs, wanted, validation)
+            rows = np.concatenate([p.rows() for p in validation])
+            outputs = self._run(network, inputs, validation)
+            return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
 
         # lets a callback score on the rows of the fit without being given the runs
         self._codes_of_fit = codes
@@ -199,22 +209,9 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
         self._remember(X, y, groups=groups)
         return self
 
-    def _mean_square(self, network: Network, inputs: Any, wanted: Any, pieces: list[Piece]) -> float:
-        """Mean squared error over whole runs, in units of the target's variance."""
-        outputs = self._run(network, inputs, pieces)
-        rows = np.concatenate([p.rows() for p in pieces])
-        return float(np.mean((outputs[rows] - np.asarray(wanted.cpu())[rows]) ** 2))
-
     def predict(self, X: Any, groups: Any = None) -> np.ndarray:
-        """Run the network along each run, from its burn-in to its end.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            Signals, SI units, in time order within each run.
-        """
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        """Run the network along each run, from its burn-in to its end."""
+        table = self._read_fitted(X, "weights_")
         pieces = pieces_of(trajectory_slices(self._codes(X, table, groups)), None)
         inputs, _ = self._scaled(self._signals(table, self.inputs), None)
         outputs = self._run(self._network(self.weights_), inputs, pieces)
@@ -229,14 +226,6 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
             raise ParameterError(
                 f"segment_length is {self.segment_length!r}.", "at least one row, or None", "Correct segment_length."
             )
-
-    def _table(self, X: Any, y: Any, groups: Any, *, reset: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        table, y = self._read(X, y, reset=reset)
-        return (
-            self._signals(table, self.inputs),
-            column_or_1d(y, warn=True).astype(float),
-            self._codes(X, table, groups),
-        )
 
     def _scaled(self, columns: np.ndarray, target: np.ndarray | None) -> tuple[Any, Any]:
         import torch
@@ -301,13 +290,3 @@ class Recurrent(SequenceStreaming, SequenceMixin, PlainNetwork):
                     outputs, state = network.run(inputs[torch.as_tensor(table[:, here], device=inputs.device)], state)
                 result[table[:, here][real[:, here]]] = outputs.cpu().numpy()[real[:, here]]
         return result
-
-    @staticmethod
-    def _checked_instances() -> list[Recurrent]:
-        # scikit-learn's checks ask for predictions that do not change with the order of rows; what has a memory gives
-        # them only where each row is a run of its own, which the values of the first column make it
-        small: dict[str, Any] = {
-            "signals": {"x": 0}, "trajectory_column": 0, "hidden": 2, "window": 4, "burn_in": 2, "max_iter": 2,
-            "random_state": 0,
-        }  # fmt: skip
-        return [Recurrent(("x",), **small), Recurrent(("x",), cell="lstm", layers=2, segment_length=None, **small)]

@@ -7,29 +7,25 @@ from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
-from sklearn.base import clone
-from sklearn.utils.validation import check_is_fitted
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
-from pamid.fitting.epochs import local_generator, standardisation
-from pamid.fitting.one_layer import forward, forward_by_columns, initial_weights, marquardt_on_rows, unflatten
-from pamid.requirements import formulas_of, parameter_count, reads_of
+from pamid.fitting.epochs import standardisation
+from pamid.fitting.one_layer import forward, forward_by_columns
+from pamid.requirements import formulas_of, parameter_count
 
 from ._base import SignalEstimator, SignalRegressor
-from ._checks import check_counts, check_sizes, fit_arguments
 from ._hybrid_fit import span_of
 from ._hybrid_use import warn_outside
+from ._inside import ForceInside
+from ._one_layer import OneLayerNetwork
 from ._parameters import parameters
-from ._progress import ProgressMixin, fit_progress
-from ._streaming import Streaming, forget
+from ._streaming import Streaming
 from ._trajectories import trajectory_codes
-
-_CANDIDATE_STEPS = 15
 
 
 @parameters
-class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
+class ResidualHybrid(Streaming, OneLayerNetwork, ForceInside, SignalRegressor):
     r"""Hybrid of a force model and a network: the model is identified first, the network learns its residual.
 
     .. math:: F = F_\mathrm{model}(\varepsilon, P; \theta) + \frac{p}{\bar p}\, N(s)
@@ -43,27 +39,13 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         Force model of single rows; ``GeometricForce("tondu_lopez")`` by default.
     inputs : sequence of str, default=("eps", "deps", "P", "dP")
         Signals that the network reads.
-    hidden : int, default=12
-        Units of the hidden layer.
     vanishing : bool, default=True
         Whether the network's share vanishes with the gauge pressure.
     alpha : float, default=0.3
         Weight decay: factor of the squared weights in the sum of squares of the standardised residual, dimensionless.
-    max_iter : int, default=100
-        Maximum number of Levenberg–Marquardt steps.
-    tol : float, default=1e-5
-        Relative improvement of the loss that counts, dimensionless; five steps with less end the fit.
-    n_starts : int, default=3
-        Initial weights tried for a few steps; the best are trained further.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    random_state : int or RandomState, optional
-        Seed of the initial weights.
 
     Attributes
     ----------
-    model_ : estimator
-        The fitted force model.
     parameters_, standard_errors_, units_ : dict
         Those of the force model, where it has them; empty otherwise.
     weights_ : dict of str to ndarray
@@ -108,10 +90,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
     vanishing: bool = True
     alpha: float = 0.3
     max_iter: int = 100
-    tol: float = 1e-5
-    n_starts: int = 3
     atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    random_state: Any = None
 
     equations = ("force",)
 
@@ -119,15 +98,10 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(dict.fromkeys((*self.inputs, *self._read_by_model(), *(("P",) if self.vanishing else ()))))
 
-    def _own_model(self) -> Any:
-        if self.model is not None:
-            return self.model
+    def _default_model(self) -> Any:
         from .geometric_force import GeometricForce
 
         return GeometricForce("tondu_lopez", atmospheric_pressure=self.atmospheric_pressure)
-
-    def _read_by_model(self) -> tuple[str, ...]:
-        return reads_of(self._own_model(), ("eps", "P"))
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None, groups: Any = None) -> Self:
         """Identify the model, then train the network on what it leaves.
@@ -144,8 +118,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         IncompatibleError
             If the model needs the order of time.
         """
-        check_counts(self, "hidden", "max_iter", "n_starts")
-        check_sizes(self, alpha=0.0, tol=0.0)
+        self._check_network()
         model = self._own_model()
         if "one_trajectory" in model.get_params():
             raise IncompatibleError(
@@ -153,9 +126,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
             )
         clusters = None if groups is None else trajectory_codes(X, groups)
         table, target, weight = self._read_weighted(X, y, sample_weight, reset=True)
-        self.model_ = clone(model)
-        given = fit_arguments(self.model_, None if sample_weight is None else weight, clusters)
-        self.model_.fit(self._model_table(table), target, **given)
+        self._fit_inside(self._model_table(table), target, None if sample_weight is None else weight, clusters)
         self.parameters_, self.standard_errors_, self.units_ = (
             dict(getattr(self.model_, name, {})) for name in ("parameters_", "standard_errors_", "units_")
         )
@@ -174,43 +145,13 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         safe = np.where(small, 1.0, factor)
         wanted = np.where(small, 0.0, residual[used] / self.residual_scale_ / safe)[:, None]
         x, share = (inputs - self.input_mean_) / self.input_scale_, np.where(small, 0.0, share * safe**2)
-        shape = (x.shape[1], int(self.hidden), 1)
-        rng = local_generator(self.random_state)
-        trials = [
-            marquardt_on_rows(initial_weights(rng, *shape), x, wanted, share, float(self.alpha))
-            for _ in range(int(self.n_starts))
-        ]
-        for trial in trials if len(trials) > 1 else []:  # a few steps from each start, then on from the best
-            for _ in range(_CANDIDATE_STEPS):
-                if not trial.step():
-                    break
-        steps = min(trials, key=lambda t: t.loss)
-        with fit_progress(self, X=X, y=y, max_epochs=int(self.max_iter)) as progress:
-            slow = 0
-            for _ in progress:
-                before = steps.loss
-                moved = steps.step()
-                progress.report(
-                    steps.loss / float(weight.sum()), attributes=lambda: {"weights_": unflatten(steps.x, *shape)}
-                )
-                slow = slow + 1 if steps.loss > before * (1.0 - float(self.tol)) else 0
-                if not moved or slow >= 5:
-                    break
-        self.weights_ = unflatten(steps.x, *shape)
-        self.loss_curve_ = progress.losses
-        self.n_iter_ = max(progress.n_epochs, 1)
-        forget(self.model_)
+        self._train(x, wanted, share, (X, y), float(weight.sum()))
         self._remember(X, y, sample_weight, groups)
-        self.n_parameters_ = int(steps.x.size) + (parameter_count(self.model_) or 0)
+        self.n_parameters_ = sum(w.size for w in self.weights_.values()) + (parameter_count(self.model_) or 0)
         return self
 
     def predict(self, X: Any) -> np.ndarray:
-        """Predict the force.
-
-        Returns
-        -------
-        ndarray, shape (n_samples,)
-            Tension, N.
+        """Predict the tension, N.
 
         Warns
         -----
@@ -218,8 +159,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
             If samples lie outside the range of the fit: the network is not anchored to anything there, and extrapolates
             no better than a network alone. `StaticPIHM` falls back on its geometry.
         """
-        check_is_fitted(self, "weights_")
-        table, _ = self._read(X, reset=False)
+        table = self._read_fitted(X, "weights_")
         inputs = self._signals(table, self.inputs)
         warn_outside(inputs, getattr(self, "input_range_", None), self.inputs, stacklevel=4)
         x = (inputs - self.input_mean_) / self.input_scale_
@@ -229,18 +169,7 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
         return np.asarray(self.model_.predict(self._model_table(table)), dtype=float) + share
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
-        """Return the predictions as formulas of the signals, which may be symbols: what an export writes.
-
-        Parameters
-        ----------
-        signals : mapping of str to array or symbol
-            Each signal that the model reads, SI units.
-
-        Returns
-        -------
-        dict of str to (str, array or symbol)
-            Unit and value of each output; empty if the force model inside has no formula.
-        """
+        """Return the predictions as formulas of the signals, as an export writes them; none if `model` has none."""
         known_by = formulas_of(self.model_, signals)
         if not known_by:
             return {}
@@ -260,13 +189,10 @@ class ResidualHybrid(Streaming, ProgressMixin, SignalRegressor):
 
         return pd.DataFrame({name: self._signal(table, name) for name in self._read_by_model()})
 
-    @staticmethod
-    def _checked_instances() -> list[ResidualHybrid]:
+    @classmethod
+    def _checked_instances(cls) -> list[Any]:
         from .polynomial_force import PolynomialForce
 
         one = {"eps": 0, "P": 0}
         small: dict[str, Any] = {"hidden": 3, "max_iter": 4, "n_starts": 1, "signals": one, "random_state": 0}
-        return [
-            ResidualHybrid(PolynomialForce(1), inputs=("eps",), **small),
-            ResidualHybrid(inputs=("P",), vanishing=False, **small),
-        ]
+        return [cls(PolynomialForce(1), inputs=("eps",), **small), cls(inputs=("P",), vanishing=False, **small)]

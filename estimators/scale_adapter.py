@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import KW_ONLY
+from dataclasses import KW_ONLY, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,6 +12,7 @@ from pamid.errors import FitError, IncompatibleError, UnknownOptionError
 
 from ._adaptation import AdaptedModel
 from ._base import state_of
+from ._hybrid_fit import FitSamples
 from ._hybrid_use import predicted
 from ._parameters import parameters
 from ._pihm import HybridModel
@@ -33,6 +34,10 @@ class _Solution(NamedTuple):
     value: np.ndarray
     error: np.ndarray
     condition: float
+
+
+_Part = tuple[str, np.ndarray, np.ndarray, np.ndarray, float]
+"""Of an equation its name, prediction, share of a dead volume, target and scale."""
 
 
 @parameters
@@ -93,15 +98,12 @@ class ScaleAdapter(AdaptedModel):
     scales: Sequence[str] | str = "auto"
     _: KW_ONLY
     base: Any = "frozen"
+    blend: bool | str = field(default=False, init=False)
 
     method = "scales"
 
-    def _adapter(self) -> Any:
-        from pamid.adapters.registry import adapter_named
-
-        return adapter_named(self.base)
-
-    def _place(self, model: HybridModel, table: np.ndarray, Y: np.ndarray, weight: np.ndarray, codes: Any) -> None:
+    def _place(self, model: HybridModel, rows: FitSamples) -> None:
+        table, Y, weight, codes = rows
         source = hybrid_of(self.source, type(self).__name__)
         self.length_factor_ = (self.rest_length or source.rest_length) / source.rest_length
         self.diameter_factor_ = (self.rest_diameter or source.rest_diameter) / source.rest_diameter
@@ -129,15 +131,10 @@ class ScaleAdapter(AdaptedModel):
     def _wanted(self, model: HybridModel) -> tuple[str, ...]:
         """Return the scales asked for; raise for those that no data of these laws could tell."""
         equations = {law.equation for law in model.laws()}
-        if isinstance(self.scales, str):
-            if self.scales != "auto":
-                raise UnknownOptionError(
-                    f"scales={self.scales!r}.", f"'auto' or some of {', '.join(SCALES)}", "Correct it."
-                )
-            return {"force": ("diameter",), "flow": ("diameter", "dead_volume")}.get(
-                next(iter(equations)) if len(equations) == 1 else "", SCALES
-            )
-        wanted = tuple(self.scales)
+        if isinstance(self.scales, str) and self.scales == "auto":
+            own = {"force": ("diameter",), "flow": ("diameter", "dead_volume")}
+            return own.get(next(iter(equations)), SCALES) if len(equations) == 1 else SCALES
+        wanted = () if isinstance(self.scales, str) else tuple(self.scales)
         if not wanted or set(wanted) - set(SCALES) or len(set(wanted)) < len(wanted):
             raise UnknownOptionError(
                 f"scales={self.scales!r}.", f"'auto' or some of {', '.join(SCALES)}", "Correct it."
@@ -163,7 +160,7 @@ class ScaleAdapter(AdaptedModel):
 
     def _solve(
         self,
-        parts: list[tuple[str, np.ndarray, np.ndarray, np.ndarray, float]],
+        parts: list[_Part],
         wanted: Sequence[str],
         weight: np.ndarray,
         codes: Any,

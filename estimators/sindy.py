@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -76,23 +76,19 @@ class SINDyRegressor(PolynomialLibraryMixin, SignalRegressor):
     target: str = "y"
 
     equations = ("force", "flow")
-
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"": {}, "with signs": {"sign_of": ("deps", "dP")}}
+    _settings: ClassVar = {"": {}, "with signs": {"sign_of": ("deps", "dP")}}
+    _checked = (
+        {"degree": 1},
+        {"inputs": ("x",), "degree": 3, "sign_of": ("x",), "optimizer": "sr3", "alpha": 0.0},
+        {"inputs": ("x",), "degree": 3, "optimizer": "frols", "max_iter": 3},
+    )
 
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return tuple(self.inputs)
 
     def fit(self, X: Any, y: Any, sample_weight: Any = None) -> Self:
-        """Find the sparse polynomial.
-
-        Parameters
-        ----------
-        y : array_like, shape (n_samples,)
-            Force (N), mass flow (kg/s) or any other target.
-        """
+        """Find the sparse polynomial."""
         columns, target, weights = self._rows(X, y, sample_weight, reset=True, ensure_min_samples=2)
         warn_of_still_columns(columns, self.inputs, type(self).__name__)
         self._fit_library(columns, self.inputs, target, weights)
@@ -124,9 +120,7 @@ class SINDyRegressor(PolynomialLibraryMixin, SignalRegressor):
 
     def predict(self, X: Any) -> np.ndarray:
         """Evaluate the polynomial."""
-        check_is_fitted(self)
-        X, _ = self._read(X, reset=False)
-        return self._evaluate(self._signals(X, self.inputs))[:, 0]
+        return self._evaluate(self._signals(self._read_fitted(X, "coef_"), self.inputs))[:, 0]
 
     def formulas(self, signals: Mapping[str, Any]) -> dict[str, tuple[str, Any]]:
         """Return the predictions as formulas of the signals, which may be symbols: what an export writes."""
@@ -144,11 +138,3 @@ class SINDyRegressor(PolynomialLibraryMixin, SignalRegressor):
         """Number of terms that are kept."""
         check_is_fitted(self, "coefficients_")
         return len(self.coefficients_)
-
-    @staticmethod
-    def _checked_instances() -> list[SINDyRegressor]:
-        return [
-            SINDyRegressor(signals=dict.fromkeys(("eps", "deps", "P", "dP"), 0), degree=1),
-            SINDyRegressor(("x",), signals={"x": 0}, degree=3, sign_of=("x",), optimizer="sr3", alpha=0.0),
-            SINDyRegressor(("x",), signals={"x": 0}, degree=3, optimizer="frols", max_iter=3),
-        ]

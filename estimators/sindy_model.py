@@ -26,7 +26,7 @@ from ._checks import warn_of_still_columns
 from ._parameters import parameters
 from ._pysindy import differentiate
 from ._sparse_polynomial import PolynomialLibraryMixin
-from ._trajectories import trajectory_codes, trajectory_slices
+from ._trajectories import run_codes, trajectory_slices
 
 Inputs = Callable[[float], Any]
 
@@ -54,8 +54,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         Column of the time (s), by name or position; read only if there is no sampling period.
     smoothing_window : int, default=11
         Rows of the smoothing before differentiation, odd; below 5 nothing is smoothed.
-    one_trajectory : bool, default=False
-        Whether all rows are one run, where neither groups nor a column says otherwise.
 
     Attributes
     ----------
@@ -65,12 +63,6 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         For each state the terms that were kept, and their coefficients.
     equations_ : list of str
         The dynamics, written out.
-    scaled_coef_ : ndarray, shape (n_states, n_terms)
-        Coefficients for signals in units of `signal_scales_`.
-    factor_ : ndarray
-        Triangular factor of terms and rates over all rows seen, from which `partial_fit` continues.
-    total_weight_ : float
-        Number of rows seen.
 
     See Also
     --------
@@ -105,6 +97,11 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
     smoothing_window: int = 11
     one_trajectory: bool = False
 
+    _checked = (
+        {"states": ("x",), "inputs": (), "sampling_period": 0.1, "smoothing_window": 5, "one_trajectory": True},
+        {"inputs": ("eps",), "sampling_period": 1.0, "degree": 1, "one_trajectory": True},
+    )
+
     @property
     def reads(self) -> tuple[str, ...]:  # type: ignore[override]  # noqa: D102
         return (*self.states, *self.inputs)
@@ -132,11 +129,9 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         ShortTrajectoryError
             If a run is shorter than the smoothing window.
         """
-        columns, y = self._read(X, y, reset=True, ensure_min_samples=2)
-        self._check_library(self.reads)
-        warn_of_still_columns(self._signals(columns, self.reads), self.reads, type(self).__name__)
-        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._fit_library(self._signals(columns, self.reads), self.reads, rates, np.ones(len(columns)))
+        signals, rates, weights = self._rows(X, y, groups, reset=True, ensure_min_samples=2)
+        warn_of_still_columns(signals, self.reads, type(self).__name__)
+        self._fit_library(signals, self.reads, rates, weights)
         return self._named()
 
     def partial_fit(self, X: Any, y: Any = None, groups: Any = None) -> Self:
@@ -152,10 +147,15 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         """
         if not hasattr(self, "factor_"):
             return self.fit(X, y, groups)
-        columns, y = self._read(X, y, reset=False)
-        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
-        self._take_in(self._signals(columns, self.reads), rates, np.ones(len(columns)))
+        self._take_in(*self._rows(X, y, groups, reset=False))
         return self._named()
+
+    def _rows(self, X: Any, y: Any, groups: Any, **how: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return states and inputs, rates and weights."""
+        columns, y = self._read(X, y, **how)
+        self._check_library(self.reads)
+        rates = self._rates(X, columns, groups) if y is None else self._as_rates(y)
+        return self._signals(columns, self.reads), rates, np.ones(len(columns))
 
     def _named(self) -> Self:
         """Set what the coefficients are called."""
@@ -180,27 +180,18 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
         ndarray, shape (n_samples,) or (n_samples, n_states)
             Rates, in the states' units per second; one-dimensional for one state.
         """
-        check_is_fitted(self)
-        columns, _ = self._read(X, reset=False)
-        rates = self._evaluate(self._signals(columns, self.reads))
+        rates = self._evaluate(self._signals(self._read_fitted(X, "coef_"), self.reads))
         return rates[:, 0] if rates.shape[1] == 1 else rates
 
     def score(self, X: Any, y: Any = None, sample_weight: Any = None, groups: Any = None) -> float:
-        """Coefficient of determination of the rates.
+        """Coefficient of determination of the rates, the mean over the states.
 
         Parameters
         ----------
-        X : DataFrame or array_like, shape (n_samples, n_columns)
-            States and inputs, SI units.
         y : array_like, shape (n_samples,) or (n_samples, n_states), optional
             Rates of the states; if None they are differentiated as in fit.
         groups : array_like, shape (n_samples,), optional
             Run of each row, needed if y is None.
-
-        Returns
-        -------
-        float
-            R², the mean over the states.
         """
         predicted = self.predict(X)
         if y is None:
@@ -308,13 +299,11 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
 
     def _rates(self, X: Any, columns: np.ndarray, groups: Any) -> np.ndarray:
         """Differentiate the states within each run."""
-        codes = trajectory_codes(X, groups, one_trajectory=self.one_trajectory, needed_by=type(self).__name__)
-        assert codes is not None  # needed_by raises instead
-        states = np.column_stack([self._signal(columns, name) for name in self.states])
+        states = self._signals(columns, self.states)
         rates = np.empty_like(states)
         time = self._times(columns)
         least = max(int(self.smoothing_window), 3)
-        for number, rows in enumerate(trajectory_slices(codes)):
+        for number, rows in enumerate(trajectory_slices(run_codes(self, X, groups))):
             n = rows.stop - rows.start
             if n < least:
                 raise ShortTrajectoryError(
@@ -355,12 +344,3 @@ class SINDyModel(PolynomialLibraryMixin, SignalRegressor):
             "a sampling period in s, or a column of times",
             "Set sampling_period=, or time= to the column of times.",
         )
-
-    @staticmethod
-    def _checked_instances() -> list[SINDyModel]:
-        return [
-            SINDyModel(("x",), (), signals={"x": 0}, sampling_period=0.1, smoothing_window=5, one_trajectory=True),
-            SINDyModel(
-                ("P",), ("eps",), signals={"P": 0, "eps": 0}, sampling_period=1.0, degree=1, one_trajectory=True
-            ),
-        ]

@@ -10,7 +10,7 @@ import numpy as np
 from pamid.signals.state import State
 from pamid.volume import FitParameter
 
-from ._empirical import EmpiricalForce, Values, check_positive
+from ._empirical import EmpiricalForce, Values
 from ._parameters import parameters
 
 
@@ -58,18 +58,16 @@ class StaticForceMap(EmpiricalForce):
 
     _nonlinear = ("braid_angle", "thread_compliance")
     reads = ("eps", "P")
-
-    def _declared(self) -> dict[str, FitParameter]:
-        check_positive(self, "atmospheric_pressure")
-        found = (
-            FitParameter("area", "m²", 1e-7, 1.0, True, "inner cross-section A₀ at rest"),
-            FitParameter("braid_angle", "rad", 0.05, 0.95, True, "angle θ₀ of the threads to the axis at rest"),
-            FitParameter("thread_compliance", "1/Pa", -1e-7, 1e-6, True, "stretch κ of the threads"),
-            FitParameter("axial_stiffness", "N", 0.0, np.inf, True, "resistance k_a of the membrane to shortening"),
-            FitParameter("radial_stiffness", "N", 0.0, np.inf, True, "resistance k_r of the membrane to widening"),
-            FitParameter("preload", "N", -np.inf, np.inf, True, "tension F₀ at rest"),
-        )
-        return {p.name: p for p in found}
+    _checked = ({"max_iter": 20},)
+    _positive = ("atmospheric_pressure",)
+    _parameters = (
+        FitParameter("area", "m²", 1e-7, 1.0, True, "inner cross-section A₀ at rest"),
+        FitParameter("braid_angle", "rad", 0.05, 0.95, True, "angle θ₀ of the threads to the axis at rest"),
+        FitParameter("thread_compliance", "1/Pa", -1e-7, 1e-6, True, "stretch κ of the threads"),
+        FitParameter("axial_stiffness", "N", 0.0, np.inf, True, "resistance k_a of the membrane to shortening"),
+        FitParameter("radial_stiffness", "N", 0.0, np.inf, True, "resistance k_r of the membrane to widening"),
+        FitParameter("preload", "N", -np.inf, np.inf, True, "tension F₀ at rest"),
+    )
 
     def _grid(self) -> list[dict[str, float]]:
         return [{"braid_angle": float(a), "thread_compliance": 0.0} for a in np.linspace(0.2, 0.85, 14)]
@@ -88,7 +86,3 @@ class StaticForceMap(EmpiricalForce):
             - values["radial_stiffness"] * (delta - 1.0) * slope
             + values["preload"]
         )
-
-    @staticmethod
-    def _checked_instances() -> list[StaticForceMap]:
-        return [StaticForceMap(signals={"eps": 0, "P": 0}, max_iter=20)]

@@ -23,20 +23,11 @@ class StaticPIHM(ForceLaw, HybridModel):
     ----------
     rest_diameter : float, default=0.02
         Rest diameter D₀, m. Force does not determine the volume at rest; this does.
-    validation_fraction : float or "auto", default=0
-        Share of whole runs held out for early stopping; the model that is best on them is kept. Needs
-        ``groups`` or a ``trajectory`` column; ``"auto"`` is 0.2 where one of them names five runs or more,
-        but 0 with ``trainer="adam"``, which as printed keeps its last epoch.
 
     See Also
     --------
     ThermodynamicPIHM : The same for mass flow.
     JointPIHM : One volume for both.
-
-    References
-    ----------
-    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
-    artificial muscles", 2025: Equation 3, Algorithm 1, Table 1.
 
     Examples
     --------

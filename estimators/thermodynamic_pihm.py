@@ -28,11 +28,6 @@ class ThermodynamicPIHM(FlowLaw, HybridModel):
     StaticPIHM : The same for force.
     JointPIHM : One volume for both.
 
-    References
-    ----------
-    G. Wang, R. Chalard, J. Cifuentes, M. Pham, "Fast adaptation of physics-informed hybrid models for pneumatic
-    artificial muscles", 2025: Equation 5, Algorithm 1, Table 1.
-
     Examples
     --------
     >>> import numpy as np, pandas as pd

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -15,7 +15,7 @@ from pamid.signals.state import State
 from pamid.volume import FitParameter
 
 from ._checks import check_counts
-from ._empirical import EmpiricalForce, Values, check_positive
+from ._empirical import EmpiricalForce, Values
 from ._parameters import parameters
 
 _PHASES = ("fill", "vent")
@@ -83,12 +83,8 @@ class ThreeElement(EmpiricalForce):
     parameters_ : dict of str to float
         ``F0``, ``F1``, ... (N), ``K_fill0``, ``K_vent0``, ... (N/m), ``B_fill0``, ``B_vent0``, ...
         (N s/m) at the knots.
-    at_bound_ : list of str
-        Fitted parameters that lie on a bound, such as a damping that would be negative.
     eps_low_, eps_high_ : float
         Range of contraction of the fit.
-    n_iter_ : int
-        1.
 
     See Also
     --------
@@ -122,9 +118,13 @@ class ThreeElement(EmpiricalForce):
     turn_rate: float = 2e4
 
     reads = ("eps", "deps", "P", "dP")
+    _positive = ("rest_length", "turn_rate")
+    # with one column for all four signals only the other terms are distinguishable
+    _apart: ClassVar = dict.fromkeys(("K_vent0", "K_fill1", "K_vent1", "B_fill0", "B_vent0", "B_fill1", "B_vent1"), 0.0)
+    _checked = ({"pieces": 1, "fixed": _apart, "atmospheric_pressure": 0.0},)
 
     def _declared(self) -> dict[str, FitParameter]:
-        check_positive(self, "rest_length", "turn_rate")
+        super()._declared()
         check_counts(self, "pieces")
         found = []
         for k in range(int(self.pieces) + 1):
@@ -245,10 +245,3 @@ class ThreeElement(EmpiricalForce):
                     held[k + 1] = True
         width = 1e-9 * float(np.ptp(self.knots_))
         return LiftRun(out[0], out[1], out[2], held, (p < self.knots_[0] - width) | (p > self.knots_[-1] + width))
-
-    @staticmethod
-    def _checked_instances() -> list[ThreeElement]:
-        # with one column for all four signals only some terms are distinguishable
-        apart = dict.fromkeys(("K_vent0", "K_fill1", "K_vent1", "B_fill0", "B_vent0", "B_fill1", "B_vent1"), 0.0)
-        one = {"eps": 0, "deps": 0, "P": 0, "dP": 0}
-        return [ThreeElement(signals=one, pieces=1, fixed=apart, atmospheric_pressure=0.0)]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from sklearn.utils.validation import check_is_fitted
@@ -84,9 +84,8 @@ class TransferFunction(NARXRegressor):
     delay: int = 0
     horizon: int = 1000
 
-    @classmethod
-    def settings(cls, equation: str) -> dict[str, dict[str, Any]]:  # noqa: D102
-        return {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
+    _settings: ClassVar = {"2 poles": {}, "3 poles": {"n_poles": 3, "n_zeros": 2}, "ARX": {"horizon": 1}}
+    _checked = ({"inputs": ("x",), "n_poles": 1, "n_zeros": 0, "horizon": 4, "max_iter": 3, "trajectory_column": 0},)
 
     @property
     def output_lags(self) -> int:
@@ -115,7 +114,9 @@ class TransferFunction(NARXRegressor):
     def _keep(self, theta: np.ndarray, covariance: np.ndarray) -> None:
         self.coef_ = theta.copy()
         n, names = int(self.n_poles), [str(name) for name in self.inputs]
-        turn = self._in_units(n, len(names))
+        step = self.step_scale_
+        b = np.tile(step * self.output_scale_ / self.input_scale_, self.input_lags)
+        turn = np.diag(np.concatenate([np.full(n, -step), b, [step * self.output_scale_]]))  # to units of the signals
         values = turn @ theta
         errors = np.sqrt(np.maximum(np.diag(turn @ covariance @ turn.T), 0.0))
         self.denominator_ = np.concatenate([[1.0], values[:n]])
@@ -132,13 +133,6 @@ class TransferFunction(NARXRegressor):
         found = np.concatenate([self.denominator_[1:], by_lag.ravel()])
         self.coefficients_ = dict(zip(told, found.tolist(), strict=True))
         self.standard_errors_ = dict(zip(told, errors[:-1].tolist(), strict=True))
-
-    def _in_units(self, n: int, n_inputs: int) -> np.ndarray:
-        """Return the diagonal that converts parameters of standardised signals to those of the signals."""
-        step = self.step_scale_
-        b = np.tile(step * self.output_scale_ / self.input_scale_, self.input_lags)
-        assert len(b) == self.input_lags * n_inputs
-        return np.diag(np.concatenate([np.full(n, -step), b, [step * self.output_scale_]]))
 
     def _theta(self) -> np.ndarray:
         return self.coef_
@@ -171,12 +165,6 @@ class TransferFunction(NARXRegressor):
         numerator = np.concatenate([np.zeros(int(self.delay)), b])
         pad = [np.concatenate([x, np.zeros(size - len(x))]) for x in (numerator, a)]
         return control.TransferFunction(*pad, sampling_interval)
-
-    @staticmethod
-    def _checked_instances() -> list[TransferFunction]:
-        # each row a run of its own, as predictions must not change with the order of rows
-        one: dict[str, Any] = {"signals": {"x": 0}, "trajectory_column": 0}
-        return [TransferFunction(("x",), n_poles=1, n_zeros=0, horizon=4, max_iter=3, **one)]
 
 
 def _with_one(phi: np.ndarray) -> np.ndarray:

@@ -38,24 +38,32 @@ def parameters(cls: type[T]) -> type[T]:
 
 
 def explain(cls: type) -> None:
-    """Complete the docstring of a class from those of its bases."""
+    """Complete the docstring of a class from those of its bases: entries, and sections that are shared as a whole."""
     doc, bases = Docstring(cls.__doc__), [Docstring(base.__doc__) for base in bases_of(cls)]
     doc.take("Parameters", bases, list(inspect.signature(cls).parameters.values()))
     doc.take("Attributes", bases)
+    for section in ("See Also", "References"):
+        told = [base.sections[section] for base in (doc, *bases) if section in base.sections]
+        if told:
+            doc.sections[section] = told[0]
     cls.__doc__ = str(doc)
 
 
 def explain_methods(cls: type, common: type) -> None:
     """Complete the docstrings of the methods of a class from those of its bases, of its fit, and of common methods."""
+    own, every = (Docstring(getattr(c, "fit", None).__doc__) for c in (cls, common))
+    own.leave_out("Parameters", every)  # what is said of every fit is said better of each method
     for name, method in vars(cls).items():
         function = method.__func__ if isinstance(method, classmethod) else method
         if name.startswith("_") or not inspect.isfunction(function) or function.__doc__ is None:
             continue
-        same = [Docstring(vars(c)[name].__doc__) for c in (*bases_of(cls), common) if name in vars(c)]
-        fits = [Docstring(c.fit.__doc__) for c in (cls, common) if hasattr(c, "fit")]
+        same = [Docstring(vars(base)[name].__doc__) for base in bases_of(cls) if name in vars(base)]
+        shared = [Docstring(vars(common)[name].__doc__)] if name in vars(common) else []
         doc = Docstring(function.__doc__)
-        doc.take("Parameters", [*same, *fits], list(inspect.signature(function).parameters.values())[1:])
-        if "Returns" not in doc.sections and (told := [d.sections["Returns"] for d in same if "Returns" in d.sections]):
+        wanted = list(inspect.signature(function).parameters.values())[1:]
+        doc.take("Parameters", [*same, own, *shared, every], wanted)
+        told = [d.sections["Returns"] for d in (*same, *shared) if "Returns" in d.sections]
+        if "Returns" not in doc.sections and told:
             doc.sections["Returns"] = told[0]
         function.__doc__ = str(doc)
 
@@ -97,7 +105,13 @@ class Docstring:
 
     def entries(self, section: str) -> list[str]:
         """Return the entries of a section, each with the lines below it."""
-        return re.split(r"\n(?=\S)", self.sections[section]) if section in self.sections else []
+        return re.split(r"\n(?=\S)", self.sections[section]) if self.sections.get(section) else []
+
+    def leave_out(self, section: str, other: Docstring) -> None:
+        """Remove the entries of a section whose text another docstring has too."""
+        known = {entry.partition("\n")[2] for entry in other.entries(section)}
+        left = [entry for entry in self.entries(section) if entry.partition("\n")[2] not in known]
+        self.sections[section] = "\n".join(left)
 
     def take(
         self, section: str, others: Sequence[Docstring], wanted: Sequence[inspect.Parameter] | None = None

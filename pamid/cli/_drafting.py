@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +22,6 @@ from ..errors import (
 from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
 from ..signals.unit_names import parse_quantity
-from ._ask import Asker
 from .common import note, print_json, table
 
 if TYPE_CHECKING:
@@ -42,6 +42,41 @@ def hold(draft: Draft, constants: dict[str, str]) -> None:
             value, at, pattern = entry.partition("@")
             place = draft.file_constants.setdefault(pattern.strip(), {}) if at else draft.constants
             place[name] = value.strip()
+
+
+class Asker:
+    """Asks a person, or takes the defaults."""
+
+    def __init__(self, interactive: bool) -> None:
+        self.interactive = interactive
+
+    def text(self, question: str, default: str, check: Callable[[str], object] | None = None) -> str:
+        """Ask for a text until it passes a check; return the default where nobody answers."""
+        while self.interactive:
+            sys.stderr.write(f"{question}{f' [{default}]' if default else ''}: ")
+            sys.stderr.flush()
+            line = sys.stdin.readline()
+            if not line:  # the input has ended
+                break
+            answer = line.strip() or default
+            if check is None:
+                return answer
+            try:
+                check(answer)
+            except PamidError as error:
+                sys.stderr.write(f"  {error}\n")
+                continue
+            return answer
+        return default
+
+    def choice(self, question: str, offered: Sequence[str], default: str) -> str:
+        """Ask for one of several words."""
+
+        def known(answer: str) -> None:
+            if answer not in offered:
+                raise PamidError(f"{answer!r} is not one of them.", ", ".join(offered), "")
+
+        return self.text(f"{question} ({', '.join(offered)})", default, known)
 
 
 # --- asking -------------------------------------------------------------------------------------------------

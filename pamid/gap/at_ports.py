@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..simulators.base import Simulator
-from .design.equation import next_for_equation
+from .design.experiment import next_for_equation
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned

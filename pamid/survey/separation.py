@@ -121,7 +121,7 @@ def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
 def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
     """Return the run among the diagnosis's candidates that would show or split most of the undecided effects."""
     from ..bench import simulate
-    from ..gap.diagnosis.next_experiment import CHOICES
+    from ..gap.design.family import STANDARD
     from ..gap.residuals.bench import Evidence
 
     if not names:
@@ -130,7 +130,7 @@ def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gra
     if not open_.any():
         return None
     try:
-        log = simulate(params.replace(effects=()), [make() for _, make in CHOICES], seed=0)
+        log = simulate(params.replace(effects=()), [run.trajectory(str(k)) for k, run in enumerate(STANDARD)], seed=0)
     except (ValueError, ArithmeticError):
         return None
     columns = {"trajectory", "time", "q_ref", "q", "u1", "u2", "P1", "P2"}
@@ -152,7 +152,6 @@ def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gra
         gained = open_ & ~still
         if (count := int(gained.sum())) > most:
             most = count
-            settings = next(c for c, make in CHOICES if make().name == trajectory)
             split = [names[k] for k in np.flatnonzero(gained.any(axis=1))]
-            best = {**settings, "splits": split}
+            best = {**STANDARD[int(trajectory)].as_dict(), "splits": split}
     return best

@@ -29,7 +29,14 @@ class Base(SignalRegressor):
     ----------
     found_ : float
         What it found, m.
+
+    See Also
+    --------
+    MLP : A network.
     """
+
+    reads = ("a", "b")
+    _checked = ({}, {"steps": 7})
 
     size: float = 1.0
     _: KW_ONLY
@@ -44,6 +51,9 @@ class Base(SignalRegressor):
             Length, m.
         """
         return self
+
+    def simulate(self, X: Any, y: Any) -> Any:
+        """Simulate."""
 
 
 @parameters
@@ -80,6 +90,20 @@ def test_a_docstring_takes_from_its_bases_what_it_leaves_out():
     fit = inspect.getdoc(Below.fit)
     assert "Length, m." in fit and "X : DataFrame" in fit and "groups : array_like, shape (n_samples,), optional" in fit
     assert fit.endswith("self\n    The fitted estimator.")
+    assert doc.endswith("See Also\n--------\nMLP : A network.")
+
+
+def test_what_a_fit_says_of_its_own_holds_for_the_other_methods():
+    doc = inspect.getdoc(Base.simulate)
+    assert "Length, m." in doc
+    assert "The signals that the fit read" in doc and "    Signals, SI units" not in doc
+    assert doc.endswith("Prediction in the unit of y.")
+
+
+def test_checked_instances_read_one_column_for_all_signals():
+    made = Below._checked_instances()
+    assert [type(m) for m in made] == [Below, Below] and [m.steps for m in made] == [5, 7]
+    assert made[0].signals == {"a": 0, "b": 0}
 
 
 def test_a_default_is_that_of_the_class():

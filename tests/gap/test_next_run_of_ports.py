@@ -13,8 +13,8 @@ from pamid.cli import main
 from pamid.errors import ParameterError
 from pamid.gap import settings
 from pamid.gap.design.known import cleaned
-from pamid.gap.design.port_family import PortLimits, draw, near
-from pamid.gap.design.ports import plan_port_run
+from pamid.gap.design.port_family import PortLimits
+from pamid.gap.design.search import plan_next
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.simulated import evidence_of
 from pamid.report.next_run import headroom, summary
@@ -54,8 +54,8 @@ def test_runs_keep_the_limits_of_value_and_rate() -> None:
     rng = np.random.default_rng(0)
     for kind in limits.kinds:
         for _ in range(20):
-            run = draw(rng, limits, kind)
-            for design in (run, near(rng, run, 0.25)):
+            run = limits.draw(rng, kind)
+            for design in (run, limits.near(rng, run, 0.25)):
                 for name, x in design.values().items():
                     low, high = limits.ranges[name]
                     assert low - 1e-9 <= x.min() and x.max() <= high + 1e-9
@@ -66,7 +66,7 @@ def test_runs_keep_the_limits_of_value_and_rate() -> None:
 def test_an_input_that_is_held_stands_in_the_set_points() -> None:
     limits = PortLimits({"u": (-1.0, 3.0)}, {"u": 20.0}, 0.01, seconds=2.0, held={"w": 0.5})
     rng = np.random.default_rng(0)
-    run = near(rng, draw(rng, limits, "steps"), 0.25)
+    run = limits.near(rng, limits.draw(rng, "steps"), 0.25)
     assert (run.set_points("a")["w"] == 0.5).all() and "w held at 0.5" in run.words
     assert np.ptp(run.set_points("a")["u"]) > 0.0
 
@@ -106,7 +106,7 @@ def test_where_one_cause_is_left_the_run_narrows_it_and_a_change_of_the_rig_is_w
         pamid.next_run(found, changes=[{"mass": 1.0}])
     with pytest.raises(ParameterError, match="No input"):
         still = pd.concat([run.assign(F=0.0) for _, run in log.groupby("trajectory")])
-        plan_port_run(found.rivals, {"log": still}, RAIL)
+        plan_next(found.rivals, {"log": still}, RAIL)
 
 
 def test_unknown_clocks_and_offsets_are_integrated_out() -> None:
@@ -135,17 +135,17 @@ def test_a_change_of_the_rig_tells_what_no_run_does() -> None:
     sizes = {"viscous_friction@w": {"coefficient": 0.0075}, "parameter_deviation@k": {"deviation": 0.1875}}
     two = [Rival({name: places[name].inward(values)}, {}, 0.0, 0.5) for name, values in sizes.items()]
     wide = {"limits": {"u": (-3.0, 3.0)}, "keep": {"w": (-90.0, 90.0)}, "rates": {"u": 500.0}}
-    plan = plan_port_run(two, {"log": log}, motor, designs=24, changes=[{"k": 0.08}], **wide)
+    plan = plan_next(two, {"log": log}, motor, designs=24, changes=[{"k": 0.08}], **wide)
     assert plan.tells and plan.rig == {"k": 0.08} and plan.changed["k = 0.08"] > plan.changed["as it is"]
     assert plan.right > 0.9
-    alone = plan_port_run(two, {"log": log}, motor, designs=24, **wide)
+    alone = plan_next(two, {"log": log}, motor, designs=24, **wide)
     assert not alone.tells and alone.right == pytest.approx(0.5, abs=0.02) and not alone.rig
     assert alone.changed.keys() == {"as it is", "k = 0.02", "k = 0.08", "J = 0.01", "J = 0.04"}  # proposed
     assert "With k = 0.0" in headroom(alone) and "declare it" in headroom(alone)
-    still = plan_port_run(two, {"log": log}, motor, designs=12, changes=[{"u": 0.0}], **wide)
+    still = plan_next(two, {"log": log}, motor, designs=12, changes=[{"u": 0.0}], **wide)
     assert not still.tells and still.changed["u = 0"] < 0.1  # a motor that runs out tells as little
     with pytest.raises(ParameterError, match="an input to hold: k, J, u"):
-        plan_port_run(two, {"log": log}, motor, designs=12, changes=[{"v": 0.0}], **wide)
+        plan_next(two, {"log": log}, motor, designs=12, changes=[{"v": 0.0}], **wide)
 
 
 def test_the_command_designs_the_run_of_a_function(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

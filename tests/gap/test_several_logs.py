@@ -26,11 +26,13 @@ from pamid.errors import (
     TruncatedLogError,
     UnknownOptionError,
 )
-from pamid.gap.design.family import KINDS, DesignedRun, Limits, draw, near
-from pamid.gap.design.plan import Plan
+from pamid.gap.design.bench import Bench
+from pamid.gap.design.family import KINDS, STANDARD, DesignedRun, Limits
+from pamid.gap.design.known import fit_of, known_of
+from pamid.gap.design.plan import TELLS, Plan
 from pamid.gap.design.runs_file import read_runs, runs_text
 from pamid.gap.design.score import Discrimination
-from pamid.gap.design.search import Bench, _known, plan_next
+from pamid.gap.design.search import plan_next
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.residuals.bench import Evidence
 from pamid.gap.several import Conditions, diagnose_logs, read_conditions
@@ -249,7 +251,7 @@ def test_after_no_gap_nothing_is_called_undecided() -> None:
 def test_drawn_runs_keep_the_limits() -> None:
     rng, limits = np.random.default_rng(0), Limits(angle=15.0, rate=100.0, frequency=9.0, pressure=5e4, shut=False)
     for kind in [k for k in KINDS if k != "sealed"] * 6:
-        for run in (first := draw(rng, limits, kind), near(rng, first, limits)):
+        for run in (first := limits.draw(rng, kind), limits.near(rng, first, 0.25)):
             told = run.trajectory("x")
             assert np.degrees(np.abs(told.q_ref).max()) <= 15.0 + 1e-6
             rate = np.degrees(np.abs(np.diff(told.q_ref[told.lead :])).max()) * 1e3
@@ -382,6 +384,8 @@ def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() ->
     assert len(found.causes[0].effects) > 1
     assert found.next_experiment is not None
     assert set(found.next_experiment.separates) <= set(library)
+    assert found.next_experiment.trajectory in [run.as_dict() for run in STANDARD]
+    assert found.next_experiment.expected >= TELLS
 
 
 def test_a_second_cause_takes_no_confidence_from_the_first() -> None:
@@ -444,7 +448,7 @@ def test_parameters_that_a_run_determines_cost_evidence(healthy: pd.DataFrame) -
         Rival({n: v}, {}, 0.0, 0.5) for n, v in zip(("coulomb_friction", "stribeck_friction"), values, strict=True)
     ]
     rng = np.random.default_rng(0)
-    known = [_known(bench, r, rng) for r in rivals]
+    known = [known_of(bench.logs, fit_of(r, bench.logs[0]), 0.5, rng) for r in rivals]
     trial = Evidence(simulate(NOMINAL, [sine(8, 15, 500)], seed=5), NOMINAL)
     told = Discrimination(trial, known, forms=False)
     H = [k.precision.copy() for k in known]

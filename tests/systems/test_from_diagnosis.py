@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from pamid.estimators import GapDiagnoser, StaticPIHM
-from pamid.estimators._gap_model import hybrid_with
+from pamid.estimators._gap import hybrid_with
 
 from pamid.cli import main
 from pamid.effects import Signals, make_effect

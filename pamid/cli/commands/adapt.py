@@ -44,6 +44,12 @@ _EXAMPLES = """\
   pamid adapt flow-A.pamid log-B.parquet --method scales --out flow-B.pamid --json
 """
 
+_FACTORS = {
+    "Q": "q_", "Q0": "q0_", "Q_uncertainty": "q_uncertainty_", "length_factor": "length_factor_",
+    "diameter_factor": "diameter_factor_", "dead_volume": "dead_volume_",
+}  # fmt: skip
+"""What is reported of the size of the target, and the attribute that holds it."""
+
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
@@ -114,34 +120,24 @@ def run(args: argparse.Namespace) -> int:
         fitted = estimator.fit(X.iloc[rows], y.iloc[rows])
     seconds = time.perf_counter() - started
     training = score_by_trajectory(signals, predict_table(fitted, X), target)
-    metadata = {
-        "equation": target.name,
-        "unit": target.unit,
-        "estimator": type(fitted).__name__,
-        "logs": list(args.log),
+    about = {"equation": target.name, "unit": target.unit}
+    save(pipeline(steps, fitted), out, {**about, "estimator": type(fitted).__name__, "logs": list(args.log)})
+    found = {
+        name: float(value)
+        for name, attribute in _FACTORS.items()
+        if (value := getattr(fitted, attribute, None)) is not None
     }
-    save(pipeline(steps, fitted), out, metadata)
-    values = {
-        "Q": getattr(fitted, "q_", None),
-        "Q0": getattr(fitted, "q0_", None),
-        "Q_uncertainty": getattr(fitted, "q_uncertainty_", None),
-        "length_factor": getattr(fitted, "length_factor_", None),
-        "diameter_factor": getattr(fitted, "diameter_factor_", None),
-        "dead_volume": getattr(fitted, "dead_volume_", None),
-    }
-    found = {name: float(value) for name, value in values.items() if value is not None}
-    short = {k: {n: s[n] for n in ("rmse", "nrmse", "n_samples")} for k, s in (("before", before), ("after", training))}
     report = {
         "model": str(out),
         "source": args.model,
         "method": args.method,
-        "equation": target.name,
-        "unit": target.unit,
+        **about,
         "parameters": found,
         "n_parameters": fitted.n_parameters_,
         "n_samples": len(X.iloc[rows]),
-        **short,
-        "held_out": None if unseen is None else {n: unseen[n] for n in ("rmse", "nrmse", "n_samples")},
+        "before": _short(before),
+        "after": _short(training),
+        "held_out": None if unseen is None else _short(unseen),
         "adapt_seconds": seconds,
         "n_iter": fitted.n_iter_,
     }
@@ -156,6 +152,10 @@ def run(args: argparse.Namespace) -> int:
     print(table([type(fitted).__name__, f"rmse / {target.unit}", "nrmse", "samples"], lines))
     print(f"saved: {out} (adapted on {report['n_samples']} samples in {seconds:.2f} s)")
     return 0
+
+
+def _short(score: dict[str, Any]) -> dict[str, Any]:
+    return {name: score[name] for name in ("rmse", "nrmse", "n_samples")}
 
 
 def _cells(score: dict[str, Any]) -> list[str]:

@@ -59,7 +59,10 @@ def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...survey.survey import survey
 
-    _check_targets(args)
+    if args.html:
+        checked_output(args.html, [*args.log, args.sim, args.columns], _ROOM)
+    if args.out:
+        check_folder(args.out, FILES, size=_ROOM)
     ported = _has_ports(args)
     simulator = None if ported else any_simulator_of(args)
     log, doubts = _read(args, _own_names(args) if ported else [])
@@ -169,14 +172,6 @@ def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[
             doubts.append(f"{error} Here each return of time begins a new run.")
         else:
             return log, doubts + [f"{text}." for text in (*notes.losses(), *notes.readings.sentences())]
-
-
-def _check_targets(args: argparse.Namespace) -> None:
-    """Check the paths of the results before anything expensive starts."""
-    if args.html:
-        checked_output(args.html, [*args.log, args.sim, args.columns], _ROOM)
-    if args.out:
-        check_folder(args.out, FILES, size=_ROOM)
 
 
 def _write(args: argparse.Namespace, found: Survey, log: pd.DataFrame) -> list[Path]:

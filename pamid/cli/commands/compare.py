@@ -167,7 +167,7 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
     parameters = page_numbers(page, args.columns)
     own = {"rest_length": args.rest_length, "rest_diameter": args.rest_diameter, "atmospheric_pressure": args.ambient}
     parameters |= {name: value for name, value in own.items() if value is not None}
-    chosen = "all" if args.estimators == "all" else _names(args.estimators)
+    chosen = _names(args.estimators)
     measured = [target.column, *(t.column for t in (TARGETS["force"], TARGETS["flow"]) if t.column in signals)]
     entries = candidates(
         args.equation, chosen, parameters=parameters, targets=measured, random_state=args.seed, output=output
@@ -179,17 +179,13 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
             signals,
             args.equation,
             chosen,
-            cv=args.folds,
-            split=args.split,
             rows=rows,
-            fit_rows=args.rows,
-            score_rows=args.score_rows,
             parameters=parameters,
             tuning=args.cutoff if args.cutoff is not None else "auto",
             window=args.window if args.window is not None else "auto",
-            random_state=args.seed,
-            progress=step,
             output=output,
+            progress=step,
+            **_how(args),
             n_jobs=None if args.dask else args.jobs,
         )
     files: list[Path] = []
@@ -200,6 +196,12 @@ def _run(args: argparse.Namespace, folder: Path | None) -> int:
             drafts = [*result.write(stage), *draw(result, stage, parameters)]
         files = [folder / draft.name for draft in drafts]
     return _tell(args, result, files, started)
+
+
+def _how(args: argparse.Namespace) -> dict[str, Any]:
+    """Return how models are compared: folds, rows and seed."""
+    rows = {"fit_rows": args.rows, "score_rows": args.score_rows}
+    return {"cv": args.folds, "split": args.split, "random_state": args.seed, **rows}
 
 
 def _tell(args: argparse.Namespace, result: Comparison, files: list[Path], started: float) -> int:
@@ -233,14 +235,10 @@ def _compare_system(args: argparse.Namespace, system: System, folder: Path | Non
         result = compare_system(
             log,
             system,
-            "all" if args.estimators == "all" else _names(args.estimators),
-            cv=args.folds,
-            split=args.split,
+            _names(args.estimators),
             rows=lambda table: rows_where(table, args.where),
-            fit_rows=args.rows,
-            score_rows=args.score_rows,
-            random_state=args.seed,
             progress=step,
+            **_how(args),
         )
     files: list[Path] = []
     if folder is not None:
@@ -287,6 +285,6 @@ def draw(result: Any, folder: Path, parameters: dict[str, Any]) -> list[Path]:
     return files
 
 
-def _names(text: str) -> list[str]:
-    """Cut a list at its commas, those within brackets left alone."""
-    return [name.strip() for name in re.split(r",(?![^()]*\))", text) if name.strip()]
+def _names(text: str) -> str | list[str]:
+    """Cut a list at its commas, those within brackets left alone; "all" stays as it is."""
+    return "all" if text == "all" else [name.strip() for name in re.split(r",(?![^()]*\))", text) if name.strip()]

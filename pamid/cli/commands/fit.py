@@ -7,9 +7,16 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
-from .._causes import hold_causes, hybrid_for, read_causes
-from .._fitting import held_out, pipeline, with_rates
-from .._parameters import fitted_parameters, parameter_lines
+from .._fitting import (
+    fitted_parameters,
+    held_out,
+    hold_causes,
+    hybrid_for,
+    parameter_lines,
+    pipeline,
+    read_causes,
+    with_rates,
+)
 from .._progress import progress
 from ..common import (
     add_command,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 from ...errors import OutputError, PamidError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
-from .._ask import Asker
 from .._drafting import (
     FILES,
+    Asker,
     ask_for_columns,
     ask_for_numbers,
     ask_for_units,

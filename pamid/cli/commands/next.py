@@ -167,7 +167,6 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
     """Return the plan for a simulator of any kind that has inputs."""
     from ...bench.parameters import BenchParameters
     from ...gap.design.next_run import next_run_after
-    from ...simulators import Simulator
 
     given: dict[str, Any] = {} if args.designs is None else {"designs": args.designs}
     if isinstance(history.simulator, BenchParameters):
@@ -177,7 +176,7 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
                     f"{option} is given for a bench.", "--angle, --pressure, --rise and the like", "Leave it out."
                 )
         given["limits"] = _limits(args, history)
-    elif isinstance(history.simulator, Simulator):
+    else:
         given |= {
             "limits": dict(_pair(text, "--limit", _range) for text in args.limit),
             "keep": dict(_pair(text, "--keep", _range) for text in args.keep),

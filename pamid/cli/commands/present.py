@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from ...requirements import last_step
-from .._parameters import fitted_parameters, parameter_lines
+from ...requirements import last_step, parameter_count
+from .._fitting import fitted_parameters, parameter_lines
 from .._style import plain
 from ..common import DONE, add_command, number, print_json, table
 
@@ -44,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         "fits": _fits(head["metadata"]),
         "settings": _settings(last),
         "parameters": fitted_parameters(last),
-        "n_parameters": _count(last),
+        "n_parameters": parameter_count(last),
         "poles": [[float(p.real), float(p.imag)] for p in getattr(last, "poles_", [])],
         "orders": list(getattr(last, "orders_", [])),
     }
@@ -53,12 +53,6 @@ def run(args: argparse.Namespace) -> int:
         return DONE
     _tell(found, type(last).__name__)
     return DONE
-
-
-def _count(model: Any) -> int | None:
-    from ...requirements import parameter_count
-
-    return parameter_count(model)
 
 
 def _fits(metadata: dict[str, Any]) -> dict[str, dict[str, float]]:

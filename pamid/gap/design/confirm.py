@@ -41,26 +41,18 @@ def confirming(
         return None
     equation = next((e for e in library[effect].equations if e in LIKE), "flow")
     others = [name for name in LIKE[equation] if name != effect and name in library][:MOST]
-    rivals = [
-        Rival({name: _values(name, values if name == effect else None)}, {}, 0.0, 1.0) for name in [effect, *others]
-    ]
+    sizes = {effect: _values(effect, values or {}), **{name: _values(name, {}) for name in others}}
+    rivals = [Rival({name: its}, {}, 0.0, 1.0) for name, its in sizes.items()]
     healthy = simulate(params, [sine(4.0, 10.0, 600), sine(1.0, 15.0, 600)], seed=seed)
-    plan = plan_next(
-        rivals,
-        {"healthy": healthy},
-        params,
-        Limits(seconds=seconds),
-        designs=designs,
-        purpose="discriminate",
-        seed=seed,
-    )
+    limits, asked = Limits(seconds=seconds), "discriminate"
+    plan = plan_next(rivals, {"healthy": healthy}, params, limits, designs=designs, purpose=asked, seed=seed)
     return plan.runs[0] if plan.runs else None
 
 
-def _values(name: str, given: Mapping[str, float] | None) -> dict[str, float]:
+def _values(name: str, given: Mapping[str, float]) -> dict[str, float]:
     """Return the parameters of an effect: given ones within their bounds, typical ones otherwise."""
     found = {}
     for p in all_effects()[name].parameters:
-        value = float((given or {}).get(p.name, p.nominal))
+        value = float(given.get(p.name, p.nominal))
         found[p.name] = float(np.clip(value, p.lower, p.upper)) if np.isfinite(value) else float(p.nominal)
     return found

@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from ...bench import references
 from ...bench.references import LEAD, PERIOD, Trajectory
 from ...errors import ParameterError, UnknownOptionError
 from ...names import refuse_others, require_one_of
-from .tones import TONES, multisine, slewed
+from .rig import Family
+from .tones import TONES, motion, slewed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -20,12 +22,21 @@ if TYPE_CHECKING:
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
 """A sine, a triangle, square steps, four sines, the joint held, a sine during which one muscle stays at constant
 pressure, pressures that rise and fall with the joint held, and valves that shut after a sine."""
+READ = {
+    "hold": (),
+    "steps": ("frequency", "amplitude", "rate"),
+    "multisine": ("frequency", "amplitude", "seed"),
+    "isobaric": ("frequency", "amplitude", "muscle"),
+    "isometric": ("frequency", "rise"),
+    "sealed": ("frequency", "amplitude", "shut"),
+}
+"""What else than seconds, offset and pressure a kind reads, where that is not frequency and amplitude alone."""
 LEAST_PRESSURE = 1e3
 """Pa: a smaller change of pressure moves nothing, and was stated in bar or kPa."""
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Family):
     """What the bench allows."""
 
     seconds: float = 4.0
@@ -51,14 +62,7 @@ class Limits:
     header: ClassVar[str] = "Runs for 'pamid simulate --runs': seconds, rad/s, degrees, Pa."
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
-            raise ParameterError(f"runs is {self.runs!r}.", "1 to 5 runs", "Ask for fewer; diagnose after each set.")
-        if not 0.5 <= self.each <= 600.0:
-            raise ParameterError(
-                f"{self.seconds:g} s shared by {self.runs} runs are {self.each:g} s each.",
-                "0.5 to 600 s a run",
-                "Give more seconds, or ask for fewer runs.",
-            )
+        self._refuse_times(0.5, 600.0, "0.5 to 600 s a run")
         for name in ("angle", "rate", "frequency"):
             if not 0.0 < getattr(self, name) < 1e5:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}.", "a positive number", "Correct the limit.")
@@ -72,16 +76,60 @@ class Limits:
                 raise ParameterError(f"{name} is {value!r} Pa.", expected, "State it in Pa: 0.8 bar are 80000.")
 
     @property
-    def each(self) -> float:
-        """Length of each run, s."""
-        return self.seconds / self.runs
-
-    @property
     def kinds(self) -> tuple[str, ...]:
         """The kinds of runs that are allowed."""
         out = {*(() if self.shut else ("sealed",)), *(() if self.single else ("isobaric",))}
         out |= set() if self.rise > 0.0 else {"isometric"}
         return tuple(k for k in KINDS if k not in out)
+
+    def draw(self, rng: np.random.Generator, kind: str) -> DesignedRun:
+        """Draw a run of a kind."""
+        slowest = min(2.0 * math.pi / self.each, self.frequency)
+        top = self.frequency / (TONES[-1] if kind == "multisine" else 1.0)
+        run = DesignedRun(
+            kind,
+            self.each,
+            frequency=float(np.exp(rng.uniform(math.log(0.7 * slowest), math.log(max(top, slowest))))),
+            amplitude=float(self.angle * rng.uniform(0.15, 1.0)),
+            offset=float(self.angle * rng.uniform(-0.7, 0.7)) if rng.random() < 0.6 or kind == "hold" else 0.0,
+            pressure=float(self.pressure * rng.uniform(-1.0, 1.0)) if rng.random() < 0.5 else 0.0,
+            rise=float(self.rise * rng.uniform(0.2, 1.0)),
+            muscle=int(rng.integers(1, 3)),
+            shut=float(rng.uniform(0.2, 0.6)),
+            seed=int(rng.integers(0, 10_000)),
+            rate=self.rate,
+        )
+        return self.within(run)
+
+    def near(self, rng: np.random.Generator, run: DesignedRun, share: float) -> DesignedRun:
+        """Draw a run of the same kind close to another one, within a share of the limits."""
+        step = rng.normal(0.0, share, 6)
+        moved = replace(
+            run,
+            frequency=run.frequency * math.exp(1.5 * step[0]),
+            amplitude=run.amplitude + self.angle * step[1],
+            offset=run.offset + self.angle * step[2],
+            pressure=run.pressure + self.pressure * step[3],
+            rise=float(np.clip(run.rise + self.rise * step[4], 0.05 * self.rise, self.rise)),
+            shut=float(np.clip(run.shut + 0.5 * step[5], 0.15, 0.8)),
+            seed=int(rng.integers(0, 10_000)) if run.kind == "multisine" and rng.random() < 0.3 else run.seed,
+        )
+        return self.within(moved)
+
+    def within(self, run: DesignedRun) -> DesignedRun:
+        """Return the run closest to one that keeps the limits."""
+        fastest = TONES[-1] if run.kind == "multisine" else 1.0
+        w = float(np.clip(run.frequency, 0.1, self.frequency / fastest))
+        offset = float(np.clip(run.offset, -0.9 * self.angle, 0.9 * self.angle))
+        room = self.angle - abs(offset)
+        if run.kind not in ("steps", "hold", "isometric"):
+            room = min(room, self.rate / (w * (fastest if run.kind == "multisine" else 1.0)))
+        a = float(np.clip(abs(run.amplitude), 0.0, room))
+        if run.kind == "steps":
+            a = -a if offset > 0.0 else a  # away from the limit
+            a = float(np.clip(a, -self.angle - offset, self.angle - offset))
+        pressure = float(np.clip(run.pressure, -self.pressure, self.pressure))
+        return replace(run, frequency=w, offset=offset, amplitude=a, pressure=pressure)
 
 
 @dataclass(frozen=True)
@@ -133,7 +181,9 @@ class DesignedRun:
         t = (np.arange(n + lead) - lead) * PERIOD
         ease = np.clip(1.0 + t / (0.7 * LEAD), 0.0, 1.0)
         ease = ease * ease * (3.0 - 2.0 * ease)
-        q = np.radians(ease * (self.offset + self._motion(t)))
+        shape = {"isobaric": "sine", "sealed": "sine"}.get(self.kind, self.kind)
+        moved = motion(shape, t, self.amplitude, self.frequency, self.seed, low=0.0)
+        q = np.radians(ease * (self.offset + moved))
         q = slewed(q, math.radians(self.rate) * PERIOD) if self.kind == "steps" else q
         offset = ease * self.pressure
         if self.kind == "isometric":
@@ -141,19 +191,6 @@ class DesignedRun:
         share = {"isobaric": ((0.0, 2.0), (2.0, 0.0))[self.muscle - 1]}.get(self.kind, (1.0, 1.0))
         sealed = t >= self.shut * self.seconds if self.kind == "sealed" else None
         return Trajectory(name, q, lead, offset if np.any(offset) else None, share, sealed)
-
-    def _motion(self, t: np.ndarray) -> np.ndarray:
-        w, a = self.frequency, self.amplitude
-        if self.kind in ("sine", "isobaric", "sealed"):
-            return a * np.sin(w * t)
-        if self.kind == "triangle":
-            return a * 2.0 / math.pi * np.arcsin(np.sin(w * t))
-        if self.kind == "steps":
-            return a * np.where(np.sin(w * np.maximum(t, 0.0)) > 0.0, 1.0, 0.0) * np.where(t > 0.0, 1.0, 0.0)
-        if self.kind == "multisine":
-            x = multisine(w * t, self.seed)
-            return np.asarray(a * x / np.max(np.abs(x)))
-        return np.zeros(len(t))
 
     def set_points(self, name: str) -> pd.DataFrame:
         """Return the references of the controller, sample by sample, see `Plan.set_points`."""
@@ -194,11 +231,7 @@ class DesignedRun:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run that its kind reads."""
-        read = {"kind", "seconds", "offset", "pressure"}
-        read |= set() if self.kind == "hold" else {"frequency"}
-        read |= set() if self.kind in ("hold", "isometric") else {"amplitude"}
-        read |= {"steps": {"rate"}, "multisine": {"seed"}, "isobaric": {"muscle"}}.get(self.kind, set())
-        read |= {"isometric": {"rise"}, "sealed": {"shut"}}.get(self.kind, set())
+        read = {"kind", "seconds", "offset", "pressure", *READ.get(self.kind, ("frequency", "amplitude"))}
         return {f.name: getattr(self, f.name) for f in fields(self) if f.name in read}
 
     @classmethod
@@ -213,54 +246,34 @@ class DesignedRun:
         return cls(**found)
 
 
-def draw(rng: np.random.Generator, limits: Limits, kind: str | None = None) -> DesignedRun:
-    """Draw a run within the limits."""
-    kind = kind or str(rng.choice(limits.kinds))
-    slowest = min(2.0 * math.pi / limits.each, limits.frequency)
-    top = limits.frequency / (TONES[-1] if kind == "multisine" else 1.0)
-    run = DesignedRun(
-        kind,
-        limits.each,
-        frequency=float(np.exp(rng.uniform(math.log(0.7 * slowest), math.log(max(top, slowest))))),
-        amplitude=float(limits.angle * rng.uniform(0.15, 1.0)),
-        offset=float(limits.angle * rng.uniform(-0.7, 0.7)) if rng.random() < 0.6 or kind == "hold" else 0.0,
-        pressure=float(limits.pressure * rng.uniform(-1.0, 1.0)) if rng.random() < 0.5 else 0.0,
-        rise=float(limits.rise * rng.uniform(0.2, 1.0)),
-        muscle=int(rng.integers(1, 3)),
-        shut=float(rng.uniform(0.2, 0.6)),
-        seed=int(rng.integers(0, 10_000)),
-        rate=limits.rate,
-    )
-    return within(run, limits)
+SAMPLES = 2000
+"""Length of a standard run, ms."""
 
 
-def near(rng: np.random.Generator, run: DesignedRun, limits: Limits, width: float = 0.25) -> DesignedRun:
-    """Draw a run of the same kind close to another one."""
-    step = rng.normal(0.0, width, 6)
-    moved = replace(
-        run,
-        frequency=run.frequency * math.exp(1.5 * step[0]),
-        amplitude=run.amplitude + limits.angle * step[1],
-        offset=run.offset + limits.angle * step[2],
-        pressure=run.pressure + limits.pressure * step[3],
-        rise=float(np.clip(run.rise + limits.rise * step[4], 0.05 * limits.rise, limits.rise)),
-        shut=float(np.clip(run.shut + 0.5 * step[5], 0.15, 0.8)),
-        seed=int(rng.integers(0, 10_000)) if run.kind == "multisine" and rng.random() < 0.3 else run.seed,
-    )
-    return within(moved, limits)
+class StandardRun:
+    """A run of a bench as ``pamid simulate --trajectory`` takes it."""
+
+    def __init__(self, kind: str, **numbers: float) -> None:
+        self.kind, self.numbers = kind, numbers
+
+    def trajectory(self, name: str) -> Trajectory:
+        """Return the references of the controller."""
+        return replace(getattr(references, self.kind)(**self.numbers, samples=SAMPLES), name=name)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return its numbers."""
+        return {"kind": self.kind, **self.numbers}
 
 
-def within(run: DesignedRun, limits: Limits) -> DesignedRun:
-    """Return the run closest to one that keeps the limits."""
-    fastest = TONES[-1] if run.kind == "multisine" else 1.0
-    w = float(np.clip(run.frequency, 0.1, limits.frequency / fastest))
-    offset = float(np.clip(run.offset, -0.9 * limits.angle, 0.9 * limits.angle))
-    room = limits.angle - abs(offset)
-    if run.kind not in ("steps", "hold", "isometric"):
-        room = min(room, limits.rate / (w * (fastest if run.kind == "multisine" else 1.0)))
-    a = float(np.clip(abs(run.amplitude), 0.0, room))
-    if run.kind == "steps":
-        a = -a if offset > 0.0 else a  # away from the limit
-        a = float(np.clip(a, -limits.angle - offset, limits.angle - offset))
-    pressure = float(np.clip(run.pressure, -limits.pressure, limits.pressure))
-    return replace(run, frequency=w, offset=offset, amplitude=a, pressure=pressure)
+STANDARD = [
+    StandardRun("sine", frequency=1.0, amplitude=15.0),
+    StandardRun("sine", frequency=10.0, amplitude=15.0),
+    StandardRun("triangle", frequency=1.0, amplitude=20.0),
+    StandardRun("step", start=0.0, end=20.0),
+    StandardRun("multisine", frequency=10.0, amplitude=10.0),
+    StandardRun("hold", angle=10.0),
+    StandardRun("sealed_hold", angle=10.0),
+    StandardRun("isobaric", frequency=4.0, amplitude=10.0),
+    StandardRun("isometric", angle=0.0, rise=1e5),
+]
+"""What a bench can easily record."""

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from ...effects import Parameter
+from ..diagnosis.rivals import Rival
 from ..inference.discrepancy import Discrepancy
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.occam import occam_of, possible
 from ..inference.student_t import loglik
-from ..residuals.bench import Evidence
+from ..residuals.protocol import ResidualSource
 from ..settings import FORM_SMOOTH, TOLERANCE
 
 HALVINGS = 6
 """How often a draw is moved halfway back to the fit where the logs contradict it."""
 LOST = 2.0
 """Log-likelihood that a draw may lose beyond its posterior's prediction, in nats."""
+
+
+class Recorded(ResidualSource, Protocol):
+    """A log as evidence, whose clocks and offsets are unknown."""
+
+    @property
+    def nuisances(self) -> np.ndarray:
+        """Change of the residuals by one tolerance of each, shape (n_windows, n)."""
+        ...
 
 
 class Draw(NamedTuple):
@@ -64,42 +74,35 @@ class Known:
         m = len(self.fit.x)
         keep = np.arange(m, len(self.precision))
         rest = np.setdiff1d(np.arange(len(H)), keep)
-        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        C = H / np.outer(size, size) + 1e-9 * np.eye(len(H))
+        C, size = scaled(H)
         schur = C[np.ix_(keep, keep)] - C[np.ix_(keep, rest)] @ np.linalg.solve(
             C[np.ix_(rest, rest)], C[np.ix_(rest, keep)]
         )
         return np.asarray(schur * np.outer(size[keep], size[keep]))
 
-    def each(self) -> list[tuple[list[int], list[Parameter], list[float]]]:
-        """Return for each effect the places, parameters and values of its parameters."""
-        slots = self.slots
-        mine = [[q for q, (n, _) in enumerate(slots) if n == name] for name in self.fit.spec]
-        return [
-            (at, [slots[q][1] for q in at], [self.fit.spec[slots[q][0]][slots[q][1].name] for q in at]) for at in mine
-        ]
+    def each(self, H: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray, list[Parameter], list[float], float]]:
+        """Yield for each effect the places, precision, parameters, values and gain where that of all coefficients is H.
+
+        The gain is that of its amplitudes, in which it is linear.
+        """
+        known = self.curvature(H)
+        for name, values in self.fit.spec.items():
+            at = [q for q, (effect, _) in enumerate(self.slots) if effect == name]
+            parameters, mine = [self.slots[q][1] for q in at], known[np.ix_(at, at)]
+            a = np.array([values[p.name] if p.linear else 0.0 for p in parameters])
+            yield np.array(at), mine, parameters, [values[p.name] for p in parameters], 0.5 * float(a @ mine @ a)
 
     def price(self, H: np.ndarray, windows: float) -> float:
         """Return the price of the parameters in evidence where the precision of all coefficients is H."""
-        if not self.fit.spec:
-            return 0.0
-        known = self.curvature(H)
-        return sum(
-            occam_of(
-                known[np.ix_(at, at)], windows, parameters, values, _gain(known[np.ix_(at, at)], parameters, values)
-            )
-            for at, parameters, values in self.each()
-        )
+        each = self.each(H) if self.fit.spec else ()
+        return sum((occam_of(mine, windows, of, values, gain) for _, mine, of, values, gain in each), 0.0)
 
     @property
     def reach(self) -> np.ndarray:
         """Prior widths of tolerances and parameters about their values."""
         out = np.full(len(self.precision), np.inf)
-        if self.fit.spec:
-            m, known = len(self.fit.x), self.curvature(self.precision)
-            for at, parameters, values in self.each():
-                mine = known[np.ix_(at, at)]
-                out[m + np.array(at)] = possible(mine, parameters, values, _gain(mine, parameters, values))
+        for at, mine, of, values, gain in self.each(self.precision) if self.fit.spec else ():
+            out[len(self.fit.x) + at] = possible(mine, of, values, gain)
         return np.maximum(out, 1e-12)
 
     @property
@@ -110,28 +113,25 @@ class Known:
         return np.asarray(self.precision + np.diag(np.where(free, 0.0, self.reach**-2.0)))
 
 
-def _slots(logs: Sequence[Evidence], fit: Fit) -> list[tuple[str, Parameter]]:
-    return slots_of(logs[0].effects, fit.spec)
+def fit_of(rival: Rival, log: ResidualSource) -> Fit:
+    """Return an explanation as a fit to a log."""
+    x = np.array([float(rival.deviations.get(name, 0.0)) for name in log.free])
+    return Fit({k: dict(v) for k, v in rival.effects.items()}, x, 0.0, np.zeros(0), np.ones(0))
 
 
-def _gain(known: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float]) -> float:
-    """Return the gain of an effect, from its amplitudes, in which it is linear."""
-    a = np.array([v if p.linear else 0.0 for p, v in zip(parameters, values, strict=True)])
-    return 0.5 * float(a @ known @ a)
-
-
-def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
+def known_of(logs: Sequence[Recorded], fit: Fit, belief: float, rng: np.random.Generator, draws: int = 0) -> Known:
     """Return an explanation with the posterior of its parameters from logs."""
-    known = Known(fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs), (), _slots(logs, fit))
+    known = Known(
+        fit, precision(logs, fit), belief, sum(len(log.z0) for log in logs), (), slots_of(logs[0].effects, fit.spec)
+    )
     linear = np.array([True] * len(fit.x) + [p.linear for _, p in known.slots], dtype=bool)
     now, found = _loglik(logs, fit), []
     for k in range(draws):
         # Where all parameters move, bounds of nonlinear ones end a step early: every other pair of draws leaves them.
         free = linear if k % 4 < 2 else np.ones(len(linear), dtype=bool)
         if k % 2 == 0:
-            H = known.held[np.ix_(free, free)]
-            size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-            root = np.linalg.cholesky(H / np.outer(size, size) + 1e-6 * np.eye(len(size)))
+            C, size = scaled(known.held[np.ix_(free, free)], 1e-6)
+            root = np.linalg.cholesky(C)
             step = np.zeros(len(linear))
             step[free] = np.linalg.solve(root.T, rng.standard_normal(len(size))) / size
         else:
@@ -140,9 +140,9 @@ def known_of(logs: Sequence[Evidence], fit: Fit, belief: float, rng: np.random.G
     return replace(known, draws=tuple(found))
 
 
-def _allowed(logs: Sequence[Evidence], fit: Fit, step: np.ndarray, now: float, price: float) -> Draw:
+def _allowed(logs: Sequence[Recorded], fit: Fit, step: np.ndarray, now: float, price: float) -> Draw:
     """Return a fit moved along a step as far as bounds and the logs' likelihood allow."""
-    slots, m = _slots(logs, fit), len(fit.x)
+    slots, m = slots_of(logs[0].effects, fit.spec), len(fit.x)
     value = np.array([fit.spec[name][p.name] for name, p in slots])
     end = np.array([p.upper if d > 0.0 else p.lower for d, (_, p) in zip(step[m:], slots, strict=True)])
     moves = step[m:] != 0.0
@@ -163,22 +163,11 @@ def _unlikely(fit: Fit) -> float:
     return 0.5 * TOLERANCE * float(fit.x @ fit.x)
 
 
-def _loglik(logs: Sequence[Evidence], fit: Fit) -> float:
+def _loglik(logs: Sequence[Recorded], fit: Fit) -> float:
     return sum(loglik(log.tangent(fit.spec, fit.x) + log.J @ fit.x, log.parts, log.weights)[0] for log in logs)
 
 
-class Unsure(Protocol):
-    """A log whose clocks and offsets are unknown."""
-
-    @property
-    def nuisances(self) -> np.ndarray:
-        """Change of the residuals by one tolerance of each, shape (n_windows, n)."""
-        ...
-
-    block: np.ndarray
-
-
-def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
+def cleaned(evidence: Recorded, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
     r"""Return a function that integrates out unknown clocks and offsets N: it whitens by :math:`I + N N^\top/\tau`."""
     N, parts = evidence.nuisances / np.sqrt(TOLERANCE), []
     for run in np.unique(evidence.block) if apart else [None]:
@@ -195,9 +184,9 @@ def cleaned(evidence: Unsure, apart: bool = False) -> Callable[[np.ndarray], np.
     return clean if N.shape[1] else lambda x: x
 
 
-def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+def sensitivities(evidence: Recorded, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of an explanation on a log, and their sensitivities to tolerances and its parameters."""
-    slots = _slots([evidence], fit)
+    slots = slots_of(evidence.effects, fit.spec)
     z = evidence.tangent(fit.spec, fit.x)
     if not slots:
         return z + evidence.J @ fit.x, evidence.J
@@ -206,26 +195,35 @@ def sensitivities(evidence: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]
     return z + evidence.J @ fit.x, np.column_stack([evidence.J, D])
 
 
-def precision(logs: Sequence[Evidence], fit: Fit) -> np.ndarray:
+def precision(logs: Sequence[Recorded], fit: Fit) -> np.ndarray:
     """Return the posterior precision of an explanation's parameters after logs, its inexact form left free."""
     m = logs[0].J.shape[1]
-    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(_slots(logs, fit)))]))
+    total = np.diag(np.concatenate([np.full(m, TOLERANCE), np.zeros(len(slots_of(logs[0].effects, fit.spec)))]))
     for log in logs:
         clean = cleaned(log)
         z, A = map(clean, sensitivities(log, fit))
         S, width = form_of(log, fit)
-        S = clean(S)
-        weight = 1.0 / np.square(width * _scales(log, z / width))
-        Aw = A * weight[:, None]
-        H = A.T @ Aw
-        if S.shape[1]:
-            cross = S.T @ Aw
-            H -= cross.T @ np.linalg.solve(S.T @ (S * weight[:, None]) + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
-        total = total + H
+        total = total + informed(A, clean(S), 1.0 / np.square(width * _scales(log, z / width)))
     return total
 
 
-def _scales(log: Evidence, z: np.ndarray) -> np.ndarray:
+def informed(A: np.ndarray, S: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Return the precision that weighted windows give to the coefficients of columns, those of a form left free."""
+    Aw = A * weight[:, None]
+    H = A.T @ Aw
+    if S.shape[1]:
+        cross = S.T @ Aw
+        H -= cross.T @ np.linalg.solve(S.T @ (S * weight[:, None]) + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
+    return np.asarray(H)
+
+
+def scaled(H: np.ndarray, ridge: float = 1e-9) -> tuple[np.ndarray, np.ndarray]:
+    """Return a precision with a diagonal of one and a ridge on it, and the square roots of its own diagonal."""
+    size = np.sqrt(np.maximum(np.diag(H), 1e-300))
+    return H / np.outer(size, size) + ridge * np.eye(len(H)), size
+
+
+def _scales(log: Recorded, z: np.ndarray) -> np.ndarray:
     """Return the scale of each window's equation, at least 1."""
     out = np.ones(len(z))
     for part in log.parts:
@@ -233,7 +231,7 @@ def _scales(log: Evidence, z: np.ndarray) -> np.ndarray:
     return out
 
 
-def form_of(log: Evidence, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+def form_of(log: Recorded, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the columns of an explanation's inexact form, and the standard deviation of each window with it."""
     if not fit.spec:
         return np.zeros((len(log.z0), 0)), np.ones(len(log.z0))

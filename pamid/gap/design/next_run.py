@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from ...bench.parameters import BenchParameters
 from ...errors import ParameterError
 from ..diagnosis.rivals import Rival
 from .plan import Plan
-from .ports import plan_port_run
 from .search import plan_next
 
 if TYPE_CHECKING:
@@ -29,9 +26,9 @@ def next_run(diagnosis: Diagnosis, **options: Any) -> Plan:
     diagnosis : Diagnosis
         A result of `pamid.diagnose`.
     **options : object
-        Of a bench those of `pamid.gap.design.search.plan_next`: ``limits``, ``designs``, ``purpose``, ``seed``,
-        ``progress``. Of any other simulator those of `pamid.gap.design.ports.plan_port_run`: ``limits`` (lowest and
-        highest value by input), ``rates``, ``changes`` of the rig, ``seconds``, ``runs``, and the same.
+        Those of `pamid.gap.design.search.plan_next`: ``limits``, ``designs``, ``purpose``, ``seed``, ``progress``. Of
+        a bench, ``limits`` is a `pamid.gap.design.family.Limits`; of any other simulator the lowest and highest value
+        by input, beside ``rates``, ``keep``, ``changes`` of the rig, ``seconds`` and ``runs``.
 
     Returns
     -------
@@ -71,12 +68,8 @@ def _left(history: History) -> list[Rival]:
     return [replace(bare, belief=1.0)]
 
 
-def next_run_after(history: History, *, progress: Callable[[str], None] | None = None, **options: Any) -> Plan:
+def next_run_after(history: History, **options: Any) -> Plan:
     """Return the runs to record next, after the logs of a history."""
     last = list(history.held.values())[-1]
     now = {name: log for name, log in history.logs.items() if history.held[name].day == last.day}
-    simulator = last.under(history.simulator)
-    rivals = _left(history)
-    if isinstance(simulator, BenchParameters):
-        return plan_next(rivals, now, simulator, library=history.library, progress=progress, **options)
-    return plan_port_run(rivals, now, simulator, library=history.library, progress=progress, **options)
+    return plan_next(_left(history), now, last.under(history.simulator), library=history.library, **options)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from ...json_data import json_ready
-from .rig import AnyLimits
+from .rig import Family
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -46,7 +46,7 @@ class Plan:
     effect is left, to show those that would not have shown; ``"none"``, where there is nothing to ask."""
     runs: list[Any]
     """The runs; empty where none would help."""
-    limits: AnyLimits
+    limits: Family
     """What the rig allows."""
     explanations: list[tuple[str, ...]]
     """What is undecided, the likeliest first."""

@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
 from ...errors import ParameterError
-from ...names import refuse_others
 from ...simulators.port_log import PortLog
-from .tones import TONES, multisine, slewed
+from .rig import Family
+from .tones import TONES, motion, slewed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +27,7 @@ STILL = 0.3
 
 
 @dataclass(frozen=True)
-class PortLimits:
+class PortLimits(Family):
     """What the inputs of a rig allow."""
 
     ranges: Mapping[str, tuple[float, float]]
@@ -54,14 +55,8 @@ class PortLimits:
     header: ClassVar[str] = "Runs: seconds, rad/s and the units of the inputs; set_points.csv has them row by row."
 
     def __post_init__(self) -> None:
-        if not (isinstance(self.runs, int) and 1 <= self.runs <= 5):
-            raise ParameterError(f"runs is {self.runs!r}.", "1 to 5 runs", "Ask for fewer; diagnose after each set.")
-        if not self.each >= STEPS * self.interval:
-            raise ParameterError(
-                f"{self.seconds:g} s shared by {self.runs} runs are {self.each:g} s each.",
-                f"at least {STEPS * self.interval:g} s a run",
-                "Give more seconds, or ask for fewer runs.",
-            )
+        least = STEPS * self.interval
+        self._refuse_times(least, math.inf, f"at least {least:g} s a run")
         for name, (low, high) in self.ranges.items():
             if not (math.isfinite(low) and math.isfinite(high) and low < high):
                 raise ParameterError(f"The limits of {name} are {low:g} to {high:g}.", "a range", "Correct them.")
@@ -70,28 +65,95 @@ class PortLimits:
                 raise ParameterError(f"The largest rate of {name} is {rate:g}.", "a positive number", "Correct it.")
 
     @classmethod
-    def of(cls, logs: Sequence[tuple[PortLog, Mapping[str, np.ndarray]]], **given: Any) -> PortLimits:
-        """Return the limits within which inputs moved in logs, each with its inputs."""
-        ranges, rates, dt = {}, {}, logs[-1][0].dt
+    def of(
+        cls,
+        logs: Sequence[tuple[PortLog, Mapping[str, np.ndarray]]],
+        ranges: Mapping[str, tuple[float, float]] = MappingProxyType({}),
+        rates: Mapping[str, float] = MappingProxyType({}),
+        **given: Any,
+    ) -> PortLimits:
+        """Return the limits within which inputs moved in logs, each with its inputs, and those that a user gives."""
+        dt, spans, most = logs[-1][0].dt, dict[str, tuple[float, float]](), dict[str, float]()
         for name in logs[-1][1]:
             u = np.concatenate([inputs[name] for _, inputs in logs])
             if np.ptp(u) > 0.0:
-                ranges[name] = float(np.min(u)), float(np.max(u))
-                steps = [np.abs(np.diff(inputs[name][a:b])) for log, inputs in logs for a, b in log.spans]
-                if fastest := max(float(np.max(s, initial=0.0)) for s in steps):
-                    rates[name] = fastest / dt
-        return cls(ranges, rates, dt, **given)
-
-    @property
-    def each(self) -> float:
-        """Length of each run, s."""
-        return self.seconds / self.runs
+                spans[name] = float(np.min(u)), float(np.max(u))
+        for name, (low, high) in (every := {**spans, **ranges}).items():
+            seen = spans.get(name, (0.0, 0.0))
+            parts = [x[name][a:b] for log, x in logs for a, b in log.spans] if name in spans else []
+            fastest = max((float(np.max(np.abs(np.diff(u)), initial=0.0)) for u in parts), default=0.0) / dt
+            # A wider range is covered in the same time.
+            usual = fastest * max(1.0, (high - low) / (seen[1] - seen[0])) if fastest else (high - low) / dt
+            most[name] = rates.get(name) or usual
+        if not every:
+            raise ParameterError(
+                "No input of the simulator moves in the logs.",
+                "an input that can be driven",
+                "Give its range: --limit u=-1:1.",
+            )
+        return cls(every, most, dt, **given)
 
     @property
     def top(self) -> float:
         """Largest frequency, rad/s."""
         highest = 2.0 * math.pi / (STEPS * self.interval)
         return min(self.fastest, highest) if self.fastest > 0.0 else highest
+
+    def draw(self, rng: np.random.Generator, kind: str) -> PortRun:
+        """Draw a run within the limits: one kind for all inputs, of which some are held where there are several."""
+        names, waves = list(self.ranges), {name: Wave("hold", value) for name, value in self.held.items()}
+        moving = [len(names) == 1 or rng.random() > STILL for _ in names]
+        if names:
+            moving[int(rng.integers(len(names)))] = True
+        slowest = min(2.0 * math.pi / self.each, self.top)
+        for name, moves in zip(names, moving, strict=True):
+            low, high = self.ranges[name]
+            top = self.top / {"multisine": TONES[-1], "chirp": 5.0}.get(kind, 1.0)
+            waves[name] = self._within(
+                Wave(
+                    kind if moves else "hold",
+                    float(rng.uniform(low, high)) if rng.random() < 0.6 else 0.5 * (low + high),
+                    float(0.5 * (high - low) * rng.uniform(0.1, 1.0)),
+                    float(np.exp(rng.uniform(math.log(slowest), math.log(max(top, 1.01 * slowest))))),
+                    int(rng.integers(0, 10_000)),
+                ),
+                name,
+            )
+        return PortRun(kind, self.each, waves, self)
+
+    def near(self, rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
+        """Draw a run of the same kind close to another one."""
+        waves = dict(run.inputs)
+        for name, wave in run.inputs.items():
+            if name in self.held:
+                continue
+            (low, high), step = self.ranges[name], rng.normal(0.0, share, 3)
+            waves[name] = self._within(
+                replace(
+                    wave,
+                    middle=wave.middle + 0.5 * (high - low) * step[0],
+                    amplitude=wave.amplitude + 0.5 * (high - low) * step[1],
+                    frequency=wave.frequency * math.exp(1.5 * step[2]),
+                    seed=int(rng.integers(0, 10_000)) if rng.random() < STILL else wave.seed,
+                ),
+                name,
+            )
+        return replace(run, inputs=waves)
+
+    def _within(self, wave: Wave, name: str) -> Wave:
+        """Return the wave closest to one that keeps the limits; a hold may be anywhere."""
+        low, high = self.ranges[name]
+        fastest = {"multisine": float(TONES[-1]), "chirp": 5.0}.get(wave.kind, 1.0)
+        w = float(np.clip(wave.frequency, math.pi / self.each, self.top / fastest))
+        middle = float(np.clip(wave.middle, low, high))
+        if wave.kind == "hold":
+            return replace(wave, middle=middle, amplitude=0.0)
+        half = 0.5 * (high - low)
+        middle = float(np.clip(middle, low + 0.1 * half, high - 0.1 * half))
+        room = min(middle - low, high - middle)
+        # A sine passes its middle at w times its amplitude; a step has half a period to get across.
+        room = min(room, self.rates[name] * (0.5 * math.pi if wave.kind == "steps" else 1.0) / (w * fastest))
+        return replace(wave, middle=middle, amplitude=float(np.clip(abs(wave.amplitude), 0.0, room)), frequency=w)
 
 
 @dataclass(frozen=True)
@@ -110,20 +172,7 @@ class Wave:
 
     def values(self, t: np.ndarray, rate: float) -> np.ndarray:
         """Return the input at times, no faster than a rate."""
-        w, a = self.frequency, self.amplitude
-        if self.kind == "sine":
-            x = a * np.sin(w * t)
-        elif self.kind == "triangle":
-            x = a * 2.0 / math.pi * np.arcsin(np.sin(w * t))
-        elif self.kind == "steps":
-            x = a * np.where(np.sin(w * t) > 0.0, 1.0, -1.0) * (t > 0.0)
-        elif self.kind == "multisine":
-            x = multisine(w * t, self.seed)
-            x = a * x / max(float(np.max(np.abs(x))), 1e-300)
-        elif self.kind == "chirp":
-            x = a * np.sin(w * t * (1.0 + 2.0 * t / max(float(t[-1]), 1e-300)))
-        else:
-            x = np.zeros(len(t))
+        x = motion(self.kind, t, self.amplitude, self.frequency, self.seed)
         return slewed(self.middle + x, rate * float(t[1] - t[0]))
 
     def words(self, name: str) -> str:
@@ -178,113 +227,3 @@ class PortRun:
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run."""
         return {"kind": self.kind, "seconds": self.seconds, "inputs": {n: vars(w) for n, w in self.inputs.items()}}
-
-
-class PortInputs:
-    """The runs of a rig whose inputs are driven."""
-
-    limits: PortLimits
-
-    @property
-    def kinds(self) -> Sequence[str]:
-        """The kinds of runs that there can be."""
-        return self.limits.kinds
-
-    def draw(self, rng: np.random.Generator, kind: str) -> PortRun:
-        """Draw a run of a kind."""
-        return draw(rng, self.limits, kind)
-
-    def near(self, rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
-        """Draw a run close to another one."""
-        return near(rng, run, share)
-
-
-def draw(rng: np.random.Generator, limits: PortLimits, kind: str) -> PortRun:
-    """Draw a run within the limits: one kind for all inputs, of which some are held where there are several."""
-    names, waves = list(limits.ranges), {name: Wave("hold", value) for name, value in limits.held.items()}
-    moving = [len(names) == 1 or rng.random() > STILL for _ in names]
-    if names:
-        moving[int(rng.integers(len(names)))] = True
-    slowest = min(2.0 * math.pi / limits.each, limits.top)
-    for name, moves in zip(names, moving, strict=True):
-        low, high = limits.ranges[name]
-        top = limits.top / {"multisine": TONES[-1], "chirp": 5.0}.get(kind, 1.0)
-        waves[name] = within(
-            Wave(
-                kind if moves else "hold",
-                float(rng.uniform(low, high)) if rng.random() < 0.6 else 0.5 * (low + high),
-                float(0.5 * (high - low) * rng.uniform(0.1, 1.0)),
-                float(np.exp(rng.uniform(math.log(slowest), math.log(max(top, 1.01 * slowest))))),
-                int(rng.integers(0, 10_000)),
-            ),
-            name,
-            limits,
-        )
-    return PortRun(kind, limits.each, waves, limits)
-
-
-def near(rng: np.random.Generator, run: PortRun, share: float) -> PortRun:
-    """Draw a run of the same kind close to another one."""
-    limits, waves = run.limits, dict(run.inputs)
-    for name, wave in run.inputs.items():
-        if name in limits.held:
-            continue
-        (low, high), step = limits.ranges[name], rng.normal(0.0, share, 3)
-        waves[name] = within(
-            replace(
-                wave,
-                middle=wave.middle + 0.5 * (high - low) * step[0],
-                amplitude=wave.amplitude + 0.5 * (high - low) * step[1],
-                frequency=wave.frequency * math.exp(1.5 * step[2]),
-                seed=int(rng.integers(0, 10_000)) if rng.random() < STILL else wave.seed,
-            ),
-            name,
-            limits,
-        )
-    return replace(run, inputs=waves)
-
-
-def within(wave: Wave, name: str, limits: PortLimits) -> Wave:
-    """Return the wave closest to one that keeps the limits; a hold may be anywhere."""
-    low, high = limits.ranges[name]
-    fastest = {"multisine": float(TONES[-1]), "chirp": 5.0}.get(wave.kind, 1.0)
-    w = float(np.clip(wave.frequency, math.pi / limits.each, limits.top / fastest))
-    middle = float(np.clip(wave.middle, low, high))
-    if wave.kind == "hold":
-        return replace(wave, middle=middle, amplitude=0.0)
-    half = 0.5 * (high - low)
-    middle = float(np.clip(middle, low + 0.1 * half, high - 0.1 * half))
-    room = min(middle - low, high - middle)
-    # A sine passes its middle at w times its amplitude; a step has half a period to get across.
-    room = min(room, limits.rates[name] * (0.5 * math.pi if wave.kind == "steps" else 1.0) / (w * fastest))
-    return replace(wave, middle=middle, amplitude=float(np.clip(abs(wave.amplitude), 0.0, room)), frequency=w)
-
-
-def within_limits(
-    found: PortLimits,
-    limits: Mapping[str, tuple[float, float]],
-    rates: Mapping[str, float],
-    keep: Mapping[str, tuple[float, float]],
-    inputs: Sequence[str],
-    readings: Sequence[str],
-) -> PortLimits:
-    """Return limits with those that a user gives."""
-    one = f"an input: {', '.join(inputs)}"
-    refuse_others({*limits, *rates}, inputs, "Limits are given for", one, error=ParameterError)
-    one = f"a state or an output: {', '.join(readings) or 'none that a design predicts'}"
-    refuse_others(keep, readings, "Ranges to keep are given for", one, error=ParameterError)
-    ranges = {**found.ranges, **limits}
-    if not ranges:
-        raise ParameterError(
-            "No input of the simulator moves in the logs.",
-            "an input that can be driven",
-            "Give its range: --limit u=-1:1.",
-        )
-    fastest = {n: (high - low) / found.interval for n, (low, high) in ranges.items()}
-    usual = {  # a wider range is covered in the same time
-        n: found.rates[n] * max(1.0, (high - low) / (found.ranges[n][1] - found.ranges[n][0]))
-        for n, (low, high) in ranges.items()
-        if found.rates.get(n)
-    }
-    most = {n: rates.get(n) or usual.get(n) or fastest[n] for n in ranges}
-    return replace(found, ranges=ranges, rates=most, keeps=dict(keep))

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from ...bench.references import Trajectory
 from ...errors import LogFormatError, ParameterError
 from .family import DesignedRun, Limits
-from .rig import AnyRun
 
 _LIMIT = 1 << 20
 
 
-def runs_text(runs: Sequence[AnyRun], names: Sequence[str], header: str = Limits.header) -> str:
+def runs_text(runs: Sequence[Any], names: Sequence[str], header: str = Limits.header) -> str:
     """Return runs as the text of a file."""
     lines = [f"# {header}", ""]
     for run, name in zip(runs, names, strict=True):

@@ -36,13 +36,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
-from ..residuals.bench import Evidence
 from ..settings import CLASS, FORM_SMOOTH, INCLUDED
 from .expected_cost import counts_for, expected_cost
-from .known import Known, cleaned, form_of, sensitivities
+from .known import Known, cleaned, form_of, informed, scaled, sensitivities
 
 HELD = 1.0 - INCLUDED
 """Least probability of an explanation: those that are kept are not ruled out."""
@@ -55,7 +55,7 @@ NOISE = np.array([-1.0, 0.0, 1.0]) * np.sqrt(3.0), np.array([1.0, 4.0, 1.0]) / 6
 class Discrimination:
     """What each run of a simulated log says about each pair of explanations."""
 
-    def __init__(self, trial: Evidence, known: Sequence[Known], forms: bool = True) -> None:
+    def __init__(self, trial: Any, known: Sequence[Known], forms: bool = True) -> None:
         self.trial, self.known, self.m, self.forms = trial, list(known), len(known), forms
         self.runs = trial.trajectories
         self._rows: dict[tuple[int, tuple[int, ...]], np.ndarray] = {}
@@ -138,9 +138,8 @@ class Discrimination:
             w = counts_for(left, scale)
             Aw = A * w[:, None]
             H = A.T @ Aw + P
-            size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-            x = -np.linalg.solve(H / np.outer(size, size) + 1e-9 * np.eye(len(size)), (Aw.T @ d) / size[:, None])
-            x /= size[:, None]
+            C, size = scaled(H)
+            x = -np.linalg.solve(C, (Aw.T @ d) / size[:, None]) / size[:, None]
             rest = d + A @ x
             left = np.sqrt(np.mean(np.square(rest), axis=1))
             if turn < ROUNDS - 1:
@@ -164,14 +163,9 @@ class Discrimination:
     # --- parameters -----------------------------------------------------------------------------------------
     def _precision(self, which: int, chosen: Sequence[int]) -> np.ndarray:
         """Return the precision of the tolerances and parameters of an explanation after some of the runs."""
-        rows, k = self._windows(chosen)[0], self.known[which]
+        rows = self._windows(chosen)[0]
         A, S, width = self.columns[which][rows], self.smooth[which][rows], self.widths[which][rows]
-        A, S = A / width[:, None], S / width[:, None]
-        H = A.T @ A
-        if S.shape[1]:
-            cross = S.T @ A
-            H -= cross.T @ np.linalg.solve(S.T @ S + np.eye(S.shape[1]) / FORM_SMOOTH**2, cross)
-        return np.asarray(k.precision + H)
+        return self.known[which].precision + informed(A, S, 1.0 / np.square(width))
 
     def _dearer(self, which: int, chosen: Sequence[int]) -> float:
         """Return by how much the parameters of an explanation cost more after some of the runs."""
@@ -186,9 +180,8 @@ class Discrimination:
         """Return the standard deviations of an explanation's parameters after some of the runs, by effect and name."""
         k = self.known[which]
         H = self._precision(which, chosen) + k.held - k.precision
-        size = np.sqrt(np.maximum(np.diag(H), 1e-300))
-        covariance = np.linalg.pinv(H / np.outer(size, size) + 1e-9 * np.eye(len(H)))
-        error = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / size
+        C, size = scaled(H)
+        error = np.sqrt(np.maximum(np.diag(np.linalg.pinv(C)), 0.0)) / size
         m = len(k.fit.x)
         return {f"{name}.{p.name}": float(error[m + q]) for q, (name, p) in enumerate(k.slots)}
 

@@ -1,4 +1,4 @@
-"""The multisine of designed runs, and the rate that their inputs keep."""
+"""What the reference or an input of a designed run does, and the rate that it keeps."""
 
 from __future__ import annotations
 
@@ -8,6 +8,22 @@ import numpy as np
 
 TONES = np.array([1.0, 1.9, 3.1, 4.3])
 """Frequencies of a multisine, as multiples of the lowest."""
+
+
+def motion(kind: str, t: np.ndarray, a: float, w: float, seed: int, low: float = -1.0) -> np.ndarray:
+    """Return the motion of an amplitude and a frequency, rad/s, about zero; steps go down to a multiple of it."""
+    if kind == "sine":
+        return a * np.sin(w * t)
+    if kind == "triangle":
+        return a * 2.0 / math.pi * np.arcsin(np.sin(w * t))
+    if kind == "steps":
+        return a * np.where(np.sin(w * t) > 0.0, 1.0, low) * (t > 0.0)
+    if kind == "multisine":
+        x = multisine(w * t, seed)
+        return np.asarray(a * x / max(float(np.max(np.abs(x))), 1e-300))
+    if kind == "chirp":
+        return a * np.sin(w * t * (1.0 + 2.0 * t / max(float(t[-1]), 1e-300)))
+    return np.zeros(len(t))
 
 
 def multisine(angle: np.ndarray, seed: int) -> np.ndarray:

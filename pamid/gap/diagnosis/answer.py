@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..design.experiment import next_experiment
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.significance import excess, lasting, noise_error
@@ -20,7 +21,6 @@ from .closure import Clusters, closures, main_equation
 from .decide import Verdict
 from .findings import Cause, Closure, EquationFinding, Event, HypothesisFinding, ParameterEstimate
 from .localise import bands, regions, shares, trajectories
-from .next_experiment import next_experiment
 from .remainder import leftover, remainder
 from .result import Diagnosis
 from .rivals import rivals_of
@@ -68,7 +68,7 @@ def answer(
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
         say("look for the next experiment")
-        experiment, rivals = next_experiment(evidence, verdict, evidence.params)
+        experiment, rivals = next_experiment(evidence, verdict)
         causes = [_distinguished(c, experiment, rivals) for c in causes] if rivals else causes
         nominal = evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True)))
         deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))

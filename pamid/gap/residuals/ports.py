@@ -72,6 +72,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
     one_sided = True
+    simulates = False
+    """Whether residuals are those of simulated stretches, not of the equations at the logged states."""
     runs_within_steps = False
     """Whether the simulator is run over each sample, since its motion within one matters."""
     _u: np.ndarray

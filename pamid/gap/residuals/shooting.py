@@ -55,6 +55,8 @@ class Begun(NamedTuple):
 class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
+    simulates = True
+
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
         longest: int = 0,

@@ -14,9 +14,9 @@ from ...effects.registry import chosen_effects
 from ...equations.log import BenchLog
 from ...errors import IncompatibleError, PamidError
 from ...signals.readings import run_marks
+from ..design.experiment import next_experiment
 from ..diagnosis.answer import answer, untested
 from ..diagnosis.decide import Verdict, decide
-from ..diagnosis.next_experiment import next_experiment
 from ..diagnosis.result import Diagnosis
 from ..engine import rows_searched
 from ..inference.competition import Competition
@@ -73,7 +73,7 @@ def diagnose_bench_logs(
         return found
     last = len(each) - 1
     with threadpool_limits(1):
-        experiment, _ = next_experiment(each[last], verdict, each[last].params, lambda spec: stack.spec_in(last, spec))
+        experiment, _ = next_experiment(each[last], verdict, lambda spec: stack.spec_in(last, spec))
     sizes = [(len(t), len(t.trajectories)) for t in tables]
     return replace(found, next_experiment=experiment, logs=sized(found.logs, sizes, held))
 
