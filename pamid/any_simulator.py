@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .errors import ParameterError
 
@@ -181,8 +181,6 @@ def diagnose(
 
     from .gap.several import History, go_on
     from .signals.frames import logs_as_pandas
-    from .simulators import Simulator
-    from .simulators.problem import COUNTS
 
     log = logs_as_pandas(log)
 
@@ -195,25 +193,19 @@ def diagnose(
     history = since if since is not None else History(simulator, _library(effects, simulator))
     logs = {_free_name(history): log} if isinstance(log, pd.DataFrame) else dict(log)
     if rows is not None:
-        if len(logs) > 1 or not isinstance(simulator, Simulator) or not simulator.states_equation:
-            raise ParameterError(
-                "Rows that count are given for several logs, or for a simulator with readings of its own.",
-                "one log of a cylinder, a joint or a muscle",
-                "Set the readings in other rows to NaN: they are then left out.",
-            )
-        logs = {name: one.assign(**{COUNTS: rows}) for name, one in logs.items()}
+        logs = simulator.counting(logs, rows)
     alone = isinstance(log, pd.DataFrame) if alone is None else alone
     return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
 
 
-def _library(effects: str | Sequence[str], simulator: Any) -> list[str]:
+def _library(effects: str | Sequence[str], simulator: BenchParameters | Simulator) -> list[str]:
     """Return the names that a choice among the effects stands for, with a kind of simulator."""
     from .effects.registry import chosen_effects
-    from .simulators import Simulator, port_effects
+    from .simulators import port_effects
 
-    if isinstance(simulator, Simulator) and not simulator.library:
+    if not simulator.library:
         return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
-    return chosen_effects(effects, simulator.library if isinstance(simulator, Simulator) else "bench")
+    return chosen_effects(effects, simulator.library)
 
 
 def _free_name(history: History) -> str:

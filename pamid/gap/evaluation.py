@@ -79,13 +79,10 @@ def evaluate_simulator(
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
     log = as_pandas(log)
-    pieces = [log] if isinstance(log, pd.DataFrame) else log
-    if simulator.states_equation and not isinstance(log, pd.DataFrame):
-        pieces = [pd.concat(log, ignore_index=True)]  # some of its numbers may be fitted to the log
-    for piece in pieces:
+    for piece in [log] if isinstance(log, pd.DataFrame) else simulator.pieces(log):
         say("the log")
         evidence = residuals_of(piece, simulator)
-        _warn_of_idle(simulator, evidence)
+        _warn_of_idle(evidence)
         units |= evidence.units
         residuals = _timed(evidence)
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
@@ -112,9 +109,9 @@ def _timed(evidence: PortEvidence) -> np.ndarray:
     return evidence.value + sum(evidence.skews[name] * float(v) for name, v in zip(names, x, strict=True))
 
 
-def _warn_of_idle(simulator: Simulator, evidence: PortEvidence) -> None:
+def _warn_of_idle(evidence: PortEvidence) -> None:
     """Warn of effects of the simulator that a log leaves without anything to act on."""
-    for name, where, _ in () if simulator.states_equation else simulator.effects:
+    for name, where, _ in evidence.simulator.effects:
         if f"{name}@{where}" not in evidence.effects:
             warnings.warn(
                 f"The simulator's own effect {name} at {where} cannot act on this log, where nothing moves there: the "

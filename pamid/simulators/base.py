@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import MissingParameterError, ParameterError
 from ..explained import explain
+from ..face import AnySimulator
 from ..names import refuse_others
 from .between import Between
 from .ports import ModelParameter, Port, as_parameters
@@ -33,7 +34,7 @@ class Carried(NamedTuple):
     """Size of the whole, m."""
 
 
-class Simulator:
+class Simulator(AnySimulator):
     """A model of a system with ports, of any origin.
 
     A subclass states its `form` and overrides the methods of that form: ``output`` for an algebraic one; ``rate`` (and
@@ -75,8 +76,6 @@ class Simulator:
     """What was said of it where it is not repeatable, empty where it is; None until tried."""
     states_equation: ClassVar[bool] = False
     """Whether it states one equation of pamid's own signals, see `problem`, instead of having one of the forms."""
-    library: ClassVar[str] = ""
-    """Of `pamid.effects.base.KINDS` the one whose effects "all" are; empty for those that can act at ports."""
     sense: str | int = 1
     """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
     settings: ClassVar[tuple[str, ...]] = ()
@@ -134,6 +133,16 @@ class Simulator:
                 f"an input: {', '.join(self.inputs) or 'there is none'}",
                 "Name the input that its forces act like.",
             )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(self.parameters)
+
+    @property
+    def own_ports(self) -> tuple[Port, ...]:
+        """Its ports."""
+        return self.ports
 
     def _of(self, kind: str) -> tuple[str, ...]:
         return self._by_kind.get(kind, ())
@@ -228,10 +237,6 @@ class Simulator:
             out.between = tuple(between)
         return out
 
-    def doubts(self, log: pd.DataFrame) -> list[str]:
-        """Return doubts about the units of a log and the reference of its pressure."""
-        return []
-
     def corrected(self, effects: Sequence[Any], sense: int, unit: str) -> Simulator:
         """Return it with further effects on the equation that it states, which act in a sense on a target in a unit."""
         raise NotImplementedError
@@ -263,6 +268,32 @@ class Simulator:
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the numbers that the model itself has and that a simulator file may give a tolerance."""
         return dict(self.parameters)
+
+    def own_states(self) -> list[Port]:
+        """Return states of the model whose start values may be set and that are no ports."""
+        return []
+
+    def fit_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers that another tool may have fitted."""
+        return {n: p for n, p in {**self.own_numbers(), **self.parameters}.items() if n not in self.settings}
+
+    def freed(self, parameters: Mapping[str, ModelParameter]) -> Simulator:
+        """Return a copy with further parameters, or others."""
+        out = self.with_()
+        out.parameters = {**self.parameters, **parameters}
+        return out
+
+    def as_fitted(self, model: Path, kept: Collection[str]) -> Simulator:
+        """Return the simulator of a model that another tool wrote, with some parameters as they are here."""
+        return self
+
+    def pieces(self, logs: Iterable[pd.DataFrame]) -> Iterable[pd.DataFrame]:
+        """Return the pieces of a log that it can be evaluated on one by one."""
+        return logs
+
+    def fitted_to(self, logs: Mapping[str, pd.DataFrame]) -> Simulator:
+        """Return it with the numbers that are fitted to logs, shared by all of them."""
+        return self
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint the number to which additional inertia is added, and its present inertia."""

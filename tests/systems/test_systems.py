@@ -11,7 +11,6 @@ import pytest
 from pamid import diagnose
 from pamid.bench import BenchParameters, isometric, simulate, sine, unfold
 from pamid.cli import main
-from pamid.cli.rows import readings_where
 from pamid.errors import (
     ImplausibleParameterError,
     MissingColumnError,
@@ -22,6 +21,7 @@ from pamid.errors import (
 )
 from pamid.report import GapDisplay, report_html
 from pamid.signals import read_log, write_log
+from pamid.simulators import Port, Simulator
 from pamid.systems import all_systems, read_system
 from pamid.systems.cylinder import Cylinder
 from pamid.systems.file import system_text
@@ -224,12 +224,12 @@ def test_a_condition_leaves_rows_out(stroke, tmp_path, capsys):
 
 
 def test_readings_of_rows_that_miss_a_condition(stroke):
-    kept = readings_where(stroke, ["x < 0.028"], ["F", "mdot"])
+    rows = stroke["x"] < 0.028
+    kept = BenchParameters.for_muscle("B").where(stroke, rows)
     assert (kept["F"].isna() == (stroke["x"] >= 0.028)).all()
     assert kept["x"].notna().all()
-    assert readings_where(stroke, [], ["F"]) is stroke
     with pytest.raises(MissingColumnError, match="none of mdot"):
-        readings_where(stroke, ["x < 0.028"], ["mdot"])
+        Simulator([Port("mdot", "output")]).where(stroke, rows)
 
 
 def test_numbers_beside_the_entries_of_a_json_log_become_signals(tmp_path):

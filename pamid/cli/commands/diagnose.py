@@ -210,10 +210,9 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     """Return the names of the effects that may be the cause of a simulator's gap."""
     from ...effects import all_effects
     from ...effects.registry import chosen_effects
-    from ...simulators import Simulator, port_effects
+    from ...simulators import port_effects
 
-    kind = simulator.library if isinstance(simulator, Simulator) else "bench"
-    at_ports = not kind
+    at_ports = not simulator.library
     known = set(port_effects()) if at_ports else set(all_effects())
 
     def names(text: str, option: str) -> list[str]:
@@ -230,7 +229,7 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     left_out = {name for text in without for name in names(text, "--without")}
     if chosen.strip() == "all" and not left_out:
         return "all"
-    whole = sorted(known) if at_ports else chosen_effects("all", kind)
+    whole = sorted(known) if at_ports else chosen_effects("all", simulator.library)
     kept = whole if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
