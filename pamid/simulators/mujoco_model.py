@@ -230,6 +230,28 @@ class MujocoSimulator(Simulator):
                     found[f"{kind}.{name}"] = ModelParameter(float(array[at]), 0.0, self._unit(f"{kind}.{name}"))
         return found
 
+    def fit_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers that another tool may have fitted, those that are zero among them."""
+        found = super().fit_numbers()
+        for joint in (p.name for p in self.ports if p.kind == "joint"):
+            for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
+                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
+        for name in [n for n in found if n.startswith("actuator_kp.")]:
+            damping = f"actuator_kv.{name.partition('.')[2]}"
+            found.setdefault(damping, ModelParameter(self.number(damping)))
+        return found
+
+    def freed(self, parameters: Mapping[str, ModelParameter]) -> Simulator:
+        """Return a copy with further parameters, or others; further ones need a model of their own."""
+        if parameters.keys() <= self.parameters.keys():
+            return super().freed(parameters)
+        return type(self)(self.path, self.ports, {**self.parameters, **parameters}, self.effects)
+
+    def as_fitted(self, model: Path, kept: Collection[str]) -> Self:
+        """Return the simulator of a model that another tool wrote, with some parameters as they are here."""
+        own = {n: self.parameters[n] for n in kept if n in self.parameters}
+        return type(self)(model, self.ports, own, self.effects)
+
     def _set(self, numbers: np.ndarray) -> None:
         moved = False
         for k in (numbers != self._has[: len(numbers)]).nonzero()[0].tolist():
