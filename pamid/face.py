@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from .errors import MissingColumnError, ParameterError
@@ -27,11 +28,15 @@ class AnySimulator:
     """Whether a diagnosis reads all of a log, instead of whole runs spread over a long one."""
     day_lasts: ClassVar[bool] = False
     """Whether a further log, unless conditions say otherwise, is of the last day."""
+    corrected_files: ClassVar[tuple[str, ...]] = ("corrected.toml",)
+    """Files of a corrected one, its simulator file first."""
+    parameters: Mapping[str, Any]
+    """Its numbers."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its numbers."""
-        raise NotImplementedError
+        return tuple(self.parameters)
 
     @property
     def own_ports(self) -> tuple[Any, ...]:
@@ -76,6 +81,29 @@ class AnySimulator:
 
     def as_bench(self) -> Any:
         """Return the bench whose muscles a stream of samples is about; None without muscles."""
+        return None
+
+    def to_toml(self, path: Path) -> None:
+        """Write its simulator file."""
+        raise NotImplementedError
+
+    def write_corrected(
+        self, stage: Path, folder: Path, read: Callable[[Path], AnySimulator], but: Collection[str] = ()
+    ) -> AnySimulator:
+        """Write its corrected files in a stage that becomes a folder; return what they say.
+
+        Some effects may be written as they were identified although a model's elements come close.
+        """
+        self.to_toml(path := stage / self.corrected_files[0])
+        return read(path)
+
+    @property
+    def inexact(self) -> tuple[str, ...]:
+        """Names of its effects for which the elements of its model are not quite the same."""
+        return ()
+
+    def start_values(self) -> dict[str, float] | None:
+        """Return the values of an FMU's parameters for any importer; None of other simulators."""
         return None
 
     def fit_numbers(self) -> Mapping[str, Any]:

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from ..simulators import Simulator
 
 
-_PLAIN = {"eps": "position", "deps": "speed"}
-"""Names of the signals that effects of a joint read, which is no muscle's."""
-
-
 class Left(NamedTuple):
     """What is left of one equation."""
 
@@ -95,10 +91,7 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     from ..gap.evaluation import residuals_of
 
     evidence = residuals_of(log, simulator)
-    spoken = {k: _PLAIN.get(k, k) for k in evidence.state}
-    if simulator.states_equation:
-        read = simulator.problem(log).X
-        spoken = {k: name for k in evidence.state if (name := evidence.column(k)) in read}
+    spoken = simulator.spoken(log, {k: evidence.column(k) for k in evidence.state})
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]

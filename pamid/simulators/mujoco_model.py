@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..errors import ParameterError, SimulatorSyntaxError
-from ..files import named_from
+from ..face import AnySimulator
+from ..files import named_from, write_whole
 from .base import Carried, Simulator
 from .integrate import STEPS
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
@@ -19,7 +21,7 @@ from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import write_full_inertia
-from .mujoco_written import FED_BACK, NUMBERS, written
+from .mujoco_written import CALLBACKS, FED_BACK, NUMBERS, written
 from .ports import ModelParameter, Port, merged
 
 _UNITS = {
@@ -78,6 +80,7 @@ class MujocoSimulator(Simulator):
     kinds: ClassVar[tuple[str, ...]] = ("mujoco",)
     executes: ClassVar[bool] = False
     one_by_one: ClassVar[bool] = True
+    corrected_files: ClassVar[tuple[str, ...]] = ("corrected.toml", "corrected.xml", "corrected.py")
 
     def __init__(
         self,
@@ -402,6 +405,26 @@ class MujocoSimulator(Simulator):
             Effects that MJCF has no element for.
         """
         return written(self, self._actuators)
+
+    @property
+    def inexact(self) -> tuple[str, ...]:
+        """Names of effects for which the elements of MJCF are not quite the same: no displacement before sliding."""
+        return ("coulomb_friction",) if any(name == "coulomb_friction" for name, *_ in self.effects) else ()
+
+    def write_corrected(
+        self, stage: Path, folder: Path, read: Callable[[Path], AnySimulator], but: Collection[str] = ()
+    ) -> AnySimulator:
+        """Write the corrected model with its simulator file and callbacks; return what they say."""
+        page, model, callbacks = (stage / name for name in self.corrected_files)
+        text, rest = self.corrected_xml()
+        shown = self.in_elements(but)
+        rest = [*(e for e in shown.effects if e[0] in but), *rest]
+        write_whole(model, text)
+        said = shown.with_({}, rest).page_text(folder)
+        write_whole(page, re.sub(r"(?m)^model = .*$", 'model = "corrected.xml"', said, count=1))
+        if rest:
+            write_whole(callbacks, CALLBACKS)
+        return read(page)
 
     def own(self, name: str) -> float:
         """Return a parameter's value in the model as it was loaded."""

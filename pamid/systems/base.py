@@ -18,6 +18,7 @@ from ..errors import (
     MissingParameterError,
     SimulatorTypeError,
 )
+from ..face import AnySimulator
 from ..names import REMOVE, refuse_others, require_one_of
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
@@ -307,10 +308,8 @@ class System(Simulator, ABC):
         """Units of target, position and pressure, as `pamid.estimators.GapDiagnoser` takes them; empty for SI."""
         return {}
 
-    @property
-    def own_ports(self) -> tuple[Port, ...]:
-        """None: its log has pamid's signals."""
-        return ()
+    own_ports = AnySimulator.own_ports
+    write_corrected = AnySimulator.write_corrected
 
     def where(self, log: pd.DataFrame, rows: np.ndarray) -> pd.DataFrame:
         """Return a log in which only some rows count."""
@@ -325,6 +324,11 @@ class System(Simulator, ABC):
         import pandas as pd
 
         return [pd.concat(logs, ignore_index=True)]
+
+    def spoken(self, log: pd.DataFrame, columns: Mapping[str, str]) -> dict[str, str]:
+        """Return the names in its equation of the state that effects read."""
+        read = self.problem(log).X
+        return {k: column for k, column in columns.items() if column in read}
 
     def fitted_to(self, logs: Mapping[str, pd.DataFrame]) -> Simulator:
         """Return it with the numbers that are fitted to logs, shared by all of them."""
