@@ -55,7 +55,7 @@ def write_corrected(d: Diagnosis, stage: Path, folder: Path, log: pd.DataFrame |
 
 def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
     """Return the equations of whose gap a simulator closes less than the report says, with the share that it closes."""
-    from ..any_simulator import evaluate
+    from ..gap import evaluate
 
     found, short = evaluate(log, simulator), {}
     for c in d.closure:

@@ -52,8 +52,7 @@ class Words(NamedTuple):
     def of(cls, diagnosis: Diagnosis) -> Words:
         """Return the words of a diagnosis."""
         simulator = diagnosis.nominal
-        ports = simulator.own_ports if simulator is not None else ()
-        if not ports:
+        if simulator is None or not (ports := simulator.own_ports):
             return cls()
         joints = frozenset(p.name for p in ports if p.kind == "joint")
         units = {e.equation: e.unit for e in diagnosis.equations}

@@ -269,23 +269,20 @@ class Simulator(AnySimulator):
         lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{self.kind}"', ""]
         lines += [f"[{self.kind}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
         lines += ["", "[ports]"]
+
+        def add(name: str, **said: Any) -> None:
+            lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
+
         for port in self.ports:
-            said = {"kind": port.kind} | {
-                f.name: getattr(port, f.name)
-                for f in fields(Port)
-                if f.name not in ("name", "kind") and getattr(port, f.name) != f.default
-            }
-            lines.append(
-                f"{toml_key(port.name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}"
-            )
+            own = {f.name: value for f in fields(Port)[2:] if (value := getattr(port, f.name)) != f.default}
+            add(port.name, kind=port.kind, **own)
         none = {name for name, _ in self.joint_inertias().values()}
         none.update(name for load in self.carried().values() for name in load.numbers.values())
         numbers = {n: p for n, p in self.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
         if numbers:
             lines += ["", "[parameters]"]
             for name, p in numbers.items():
-                said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
-                lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
+                add(name, value=float(p.value), tolerance=float(p.tolerance), unit=p.unit)
         for b in self.between:
             lines += ["", "[[between]]", f"ends = [{toml_value(b.first)}, {toml_value(b.second)}]"]
             lines += [f"ratio = {float(b.ratio)!r}"] if b.ratio is not None else []

@@ -332,10 +332,8 @@ class System(Simulator, ABC):
 
     def fitted_to(self, logs: Mapping[str, pd.DataFrame]) -> Simulator:
         """Return it with the numbers that are fitted to logs, shared by all of them."""
-        import pandas as pd
-
-        runs = [log.assign(trajectory=[f"{name}: {run}" for run in log["trajectory"]]) for name, log in logs.items()]
-        return self.problem(pd.concat(runs, ignore_index=True)).fitted or self
+        runs = (log.assign(trajectory=[f"{name}: {run}" for run in log["trajectory"]]) for name, log in logs.items())
+        return self.problem(self.pieces(runs)[0]).fitted or self
 
     def unit_of(self, columns: Collection[str]) -> str:
         """Return the unit of the target on a log with some columns."""
@@ -359,7 +357,7 @@ class System(Simulator, ABC):
 
     @classmethod
     def text(cls, values: Mapping[str, Any], assumed: Collection[str] = ()) -> str:
-        """Return the commented simulator file of such a system, see `pamid.systems.file.system_text`."""
+        """Return the commented simulator file of such a system, with numbers in SI; `assumed` ones are marked."""
         lines = [
             f"# Simulator: {cls.title}.",
             f"# Nominal equation: {cls.law}",

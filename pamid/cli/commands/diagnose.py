@@ -208,8 +208,8 @@ def _tried_on(args: argparse.Namespace, d: Diagnosis) -> pd.DataFrame | None:
 
 def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[str]:
     """Return the names of the effects that may be the cause of a simulator's gap."""
+    from ...any_simulator import library_of
     from ...effects import all_effects
-    from ...effects.registry import chosen_effects
     from ...simulators import port_effects
 
     at_ports = not simulator.library
@@ -229,8 +229,7 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     left_out = {name for text in without for name in names(text, "--without")}
     if chosen.strip() == "all" and not left_out:
         return "all"
-    whole = sorted(known) if at_ports else chosen_effects("all", simulator.library)
-    kept = whole if chosen.strip() == "all" else names(chosen, "--effects")
+    kept = library_of("all", simulator) if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
         raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")

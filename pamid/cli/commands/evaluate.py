@@ -95,8 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluate_simulator(args: argparse.Namespace) -> int:
-    from ...any_simulator import evaluate
-    from ...gap import refit_with_instruments, refit_within_tolerance
+    from ...gap import evaluate, refit_with_instruments, refit_within_tolerance
 
     simulator: Any = any_simulator_of(args)
     extra: dict[str, Any] = {k: v for k, v in simulator.identity().items() if k == "kind"}
