@@ -24,7 +24,6 @@ from pamid.signals import read_log, write_log
 from pamid.simulators import Port, Simulator
 from pamid.systems import all_systems, read_system
 from pamid.systems.cylinder import Cylinder
-from pamid.systems.file import system_text
 from pamid.systems.joint import Joint
 from pamid.systems.muscle import Muscle
 
@@ -53,7 +52,7 @@ def stroke() -> pd.DataFrame:
 def test_a_page_is_read_back(kind, tmp_path):
     cls = all_systems()[kind]
     given = {q.name: 0.5 * (q.lower + min(q.upper, 2.0)) for q in cls.quantities if q.default is None}
-    (tmp_path / "sim.toml").write_text(system_text(cls, given, tuple(given)), encoding="utf-8")
+    (tmp_path / "sim.toml").write_text(cls.text(given, tuple(given)), encoding="utf-8")
     again = read_system(tmp_path / "sim.toml")
     assert type(again) is cls
     for name, value in cls(**given).values.items():
