@@ -30,13 +30,11 @@ class AnySimulator:
     """Whether a further log, unless conditions say otherwise, is of the last day."""
     corrected_files: ClassVar[tuple[str, ...]] = ("corrected.toml",)
     """Files of a corrected one, its simulator file first."""
-    parameters: Mapping[str, Any]
-    """Its numbers."""
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of its numbers."""
-        return tuple(self.parameters)
+        raise NotImplementedError
 
     @property
     def own_ports(self) -> tuple[Any, ...]:

@@ -96,8 +96,7 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
         state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
-        state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
-        state = {spoken[k]: v for k, v in state.items() if k in spoken}
+        state = {spoken[k]: v for k, v in state.items() if k in spoken and np.ptp(v) > 0}
         table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
         found[equation] = Left(table.assign(**state), evidence.units[equation])
     return found

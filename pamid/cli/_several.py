@@ -115,7 +115,8 @@ def diagnosed(
     )  # fmt: skip
     found.notes[:0] = notes
     assert found.history is not None
-    found.history.page = str(Path(args.sim).resolve()) if args.sim else found.history.page
+    if args.sim:
+        found.history.page = str(Path(args.sim).resolve())
     found.history.columns = str(Path(args.columns).resolve()) if args.columns else ""
     found.history.encoding = args.encoding or ""
     return found, pd.concat(found.history.logs.values(), ignore_index=True)

@@ -92,8 +92,8 @@ def load_log(
     """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
     from ..signals import read_log
 
-    files = paths or (args.log if isinstance(args.log, list) else [args.log])
-    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=not own_columns(simulator))
+    files, check = paths or args.log, not own_columns(simulator)
+    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=check)
 
 
 def load_pieces(
@@ -102,8 +102,8 @@ def load_pieces(
     """Read the log that the arguments name piece by piece, each of whole runs."""
     from ..signals import read_log_pieces
 
-    paths, own = args.log if isinstance(args.log, list) else [args.log], own_columns(simulator)
-    return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=not own)
+    check = not own_columns(simulator)
+    return read_log_pieces(args.log, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=check)
 
 
 def load_simulator(path: str) -> BenchParameters:
@@ -153,7 +153,7 @@ def _page_path(args: argparse.Namespace) -> str | None:
     """Return the simulator file that --sim names, or the one in the log's folder, saying so."""
     if args.sim:
         return str(args.sim)
-    logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
+    logs = [Path(p) for p in args.log]
     if len(logs) != 1 or args.columns:
         return None
     folder = logs[0] if logs[0].is_dir() else logs[0].parent

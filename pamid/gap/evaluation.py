@@ -41,6 +41,8 @@ def evaluate(
 ) -> LogEvaluation:
     """Return how far a simulator of any kind is off on a log, equation by equation, beside the noise of the sensors.
 
+    At ports, clocks half a sample aside, and how inputs act within a sample, are allowed for as in a diagnosis.
+
     Parameters
     ----------
     log : DataFrame or iterable of DataFrame
@@ -58,8 +60,8 @@ def evaluate(
 
     Raises
     ------
-    MissingColumnError, ShortTrajectoryError
-        The log cannot be used.
+    MissingColumnError, ShortTrajectoryError, SimulatorRunError
+        The log cannot be used, or the simulator does not run on it.
 
     Examples
     --------

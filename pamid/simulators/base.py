@@ -138,6 +138,11 @@ class Simulator(AnySimulator):
             )
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(self.parameters)
+
+    @property
     def own_ports(self) -> tuple[Port, ...]:
         """Its ports."""
         return self.ports

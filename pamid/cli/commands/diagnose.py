@@ -239,11 +239,10 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
 def _source(args: argparse.Namespace, log: Any) -> Source:
     from ...report.sections import Source
 
-    logs = args.log if isinstance(args.log, list) else [args.log]
     unnamed = f"the simulator of {_short(args.since)}" if args.since else "the simulator beside it"
-    more = f" and {len(logs) - 1} more" if len(logs) > 1 else ""
+    more = f" and {len(args.log) - 1} more" if len(args.log) > 1 else ""
     return Source(
-        log=f"{_short(logs[0])}{more}",
+        log=f"{_short(args.log[0])}{more}",
         simulator=_short(args.sim) if args.sim else unnamed,
         rows=len(log),
         runs=int(log["trajectory"].nunique()) if "trajectory" in log else 0,

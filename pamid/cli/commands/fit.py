@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import ParameterError
 from .._fitting import (
@@ -30,9 +30,6 @@ from ..common import (
     print_json,
     table,
 )
-
-if TYPE_CHECKING:
-    pass
 
 _DESCRIPTION = """\
 Fit an estimator to a log and save it: force or mass flow of a muscle, force of a cylinder, drive of a joint.

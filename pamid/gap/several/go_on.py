@@ -76,8 +76,7 @@ def go_on(
     held = conditions_of(list(logs), conditions)
     if history.held and history.simulator.day_lasts:
         last = list(history.held.values())[-1].day
-        given = {**dict(conditions or {})}
-        held = [c if c.day != name or given else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
+        held = [c if c.day != name or conditions else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
     every, those = {**history.logs, **logs}, {**history.held, **dict(zip(logs, held, strict=True))}
     asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
     held_by = those if asked is every else None
