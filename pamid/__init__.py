@@ -17,7 +17,7 @@ _HOME = {
     "BenchParameters": "bench",
     "dataset": "bench",
     "diagnose": "any_simulator",
-    "evaluate": "any_simulator",
+    "evaluate": "gap",
     "evaluate_log": "equations",
     "inspect": "persistence",
     "load": "persistence",

@@ -16,12 +16,12 @@ from . import signals as signals
 from . import training as training
 from . import volume as volume
 from .any_simulator import diagnose as diagnose
-from .any_simulator import evaluate as evaluate
 from .any_simulator import read_simulator as read_simulator
 from .bench import BenchParameters as BenchParameters
 from .bench import dataset as dataset
 from .bench import simulate as simulate
 from .equations import evaluate_log as evaluate_log
+from .gap import evaluate as evaluate
 from .gap import next_run as next_run
 from .opinion import second_opinion as second_opinion
 from .persistence import inspect as inspect

@@ -1,22 +1,23 @@
-"""One way in for every simulator: read it, evaluate it on a log, diagnose its gap, go on with further logs."""
+"""One way in for every simulator: read it, diagnose its gap, go on with further logs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .errors import ParameterError
+from .explained import explained_by
+from .gap.several import History, go_on
+from .gap.several.logs import diagnose as together
 
 if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
     from .bench.parameters import BenchParameters
-    from .equations import LogEvaluation
     from .gap.diagnosis.result import Diagnosis
     from .gap.several.conditions import Conditions
-    from .gap.several.history import History
     from .simulators import Simulator
 
 
@@ -65,55 +66,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
     return BenchParameters.from_toml(path) if kind == "bench" else read_system(path)
 
 
-def evaluate(
-    log: pd.DataFrame | Iterable[pd.DataFrame],
-    simulator: BenchParameters | Simulator,
-    *,
-    progress: Callable[[str], None] | None = None,
-) -> LogEvaluation:
-    """Return how far a simulator of any kind is off on a log, equation by equation, beside the noise of the sensors.
-
-    Parameters
-    ----------
-    log : DataFrame or iterable of DataFrame
-        ``trajectory``, ``time`` (s) and the simulator's signals; or pieces of such a log, each of whole runs.
-    simulator : BenchParameters or Simulator
-        The simulator.
-    progress : callable, optional
-        Called with a short text at each step.
-
-    Returns
-    -------
-    LogEvaluation
-        For each equation the root mean square residual over windows, the same over the standard deviation of what was
-        measured, and the noise floor.
-
-    Raises
-    ------
-    MissingColumnError, ShortTrajectoryError
-        The log cannot be used.
-
-    Examples
-    --------
-    >>> import pamid
-    >>> bench = pamid.BenchParameters.for_muscle("B")
-    >>> from pamid.bench import sine
-    >>> found = pamid.evaluate(pamid.simulate(bench, [sine(4, 15, 400)]), bench)
-    >>> found["force"].rmse < 2.0 * found["force"].noise_floor  # N
-    True
-    """
-    from .equations import evaluate_log
-    from .gap import evaluate_simulator
-    from .signals.frames import as_pandas
-    from .simulators import Simulator
-
-    log = as_pandas(log)
-
-    if isinstance(simulator, Simulator):
-        return evaluate_simulator(log, simulator, progress=progress)
-    return evaluate_log(log, simulator, progress=progress)
-
-
+@explained_by(together)
 def diagnose(
     log: pd.DataFrame | Mapping[str, pd.DataFrame],
     simulator: BenchParameters | Simulator,
@@ -133,12 +86,6 @@ def diagnose(
     log : DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; several logs by name, in the order in which they were
         recorded. Of several logs causes are shared unless one came or went between two days.
-    simulator : BenchParameters or Simulator
-        The simulator, see `read_simulator`.
-    effects : "all" or sequence of str, default="all"
-        Effects that may be causes; at ports every port is tried, unless one is named: ``"viscous_friction@motor"``.
-    conditions : mapping of str to `pamid.gap.several.Conditions`, optional
-        Conditions of each of several logs: its day, and parameters of the simulator that differ.
     since : History, optional
         An earlier diagnosis to continue: ``diagnosis.history``, or the result of `pamid.gap.several.read_history`. The
         logs are added to it.
@@ -146,10 +93,6 @@ def diagnose(
         Rows of the log that count, for the simulator file of a cylinder, a joint or a muscle.
     alone : bool, optional
         Whether a log by itself is diagnosed without findings log by log; by default where ``log`` is one DataFrame.
-    seed : int, default=0
-        Seed of the draws behind p-values and intervals.
-    progress : callable, optional
-        Called with a short text at each step.
 
     Returns
     -------
@@ -179,10 +122,7 @@ def diagnose(
     """
     import pandas as pd
 
-    from .gap.several import History, go_on
     from .signals.frames import logs_as_pandas
-    from .simulators import Simulator
-    from .simulators.problem import COUNTS
 
     log = logs_as_pandas(log)
 
@@ -192,28 +132,22 @@ def diagnose(
             "the library of the earlier diagnosis, whose posterior is the prior",
             "Leave them out, or diagnose all logs anew.",
         )
-    history = since if since is not None else History(simulator, _library(effects, simulator))
+    history = since if since is not None else History(simulator, library_of(effects, simulator))
     logs = {_free_name(history): log} if isinstance(log, pd.DataFrame) else dict(log)
     if rows is not None:
-        if len(logs) > 1 or not isinstance(simulator, Simulator) or not simulator.states_equation:
-            raise ParameterError(
-                "Rows that count are given for several logs, or for a simulator with readings of its own.",
-                "one log of a cylinder, a joint or a muscle",
-                "Set the readings in other rows to NaN: they are then left out.",
-            )
-        logs = {name: one.assign(**{COUNTS: rows}) for name, one in logs.items()}
+        logs = simulator.counting(logs, rows)
     alone = isinstance(log, pd.DataFrame) if alone is None else alone
     return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
 
 
-def _library(effects: str | Sequence[str], simulator: Any) -> list[str]:
+def library_of(effects: str | Sequence[str], simulator: BenchParameters | Simulator) -> list[str]:
     """Return the names that a choice among the effects stands for, with a kind of simulator."""
     from .effects.registry import chosen_effects
-    from .simulators import Simulator, port_effects
+    from .simulators import port_effects
 
-    if isinstance(simulator, Simulator) and not simulator.library:
+    if not simulator.library:
         return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
-    return chosen_effects(effects, simulator.library if isinstance(simulator, Simulator) else "bench")
+    return chosen_effects(effects, simulator.library)
 
 
 def _free_name(history: History) -> str:

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
+from ..face import AnySimulator
 from ..names import require_one_of
 
 if TYPE_CHECKING:
@@ -254,7 +255,7 @@ UNITS: dict[str, str] = {
 
 
 @dataclass(frozen=True)
-class BenchParameters:
+class BenchParameters(AnySimulator):
     """All parameters of a bench: the content of a simulator file.
 
     Parameters
@@ -298,6 +299,10 @@ class BenchParameters:
     tolerance: Mapping[str, float] = field(default_factory=dict)
     effects: tuple[EffectSpec, ...] = ()
 
+    kind = library = form = "bench"
+    names = tuple(NUMBERS)
+    reads_all, day_lasts = False, True
+    readings = "F", "F1", "F2", "mdot", "mdot1", "mdot2"
     presets: ClassVar[dict[str, tuple[float, float, float]]] = {
         "A": (0.20, 0.01, 1.5e-9),
         "B": (0.20, 0.02, 6e-9),
@@ -356,14 +361,9 @@ class BenchParameters:
             GasParameters(),
             ValveParameters(conductance),
             JointParameters(0.04, 0.02, 0.08),
-            {
-                "rest_diameter": 0.005,
-                "braid_angle": 0.005,
-                "sonic_conductance": 0.02,
-                "inertia": 0.02,
-                "viscous_damping": 0.10,
-            },
-        )
+            {"rest_diameter": 0.005, "braid_angle": 0.005, "sonic_conductance": 0.02, "inertia": 0.02,
+             "viscous_damping": 0.10},
+        )  # fmt: skip
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
@@ -437,6 +437,14 @@ class BenchParameters:
         for table, values in inner.items():
             whole[table] = dataclasses.replace(whole.get(table, getattr(self, table)), **values)
         return dataclasses.replace(self, **whole)
+
+    def with_(self, parameters: Mapping[str, float]) -> Self:
+        """Return the bench with other numbers."""
+        return self.replace(**parameters)
+
+    def as_bench(self) -> Self:
+        """Return itself."""
+        return self
 
     def plant(self) -> Plant:
         """Return the numbers as effects see them."""

@@ -3,89 +3,59 @@
 from __future__ import annotations
 
 import json
-import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..files import write_whole
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
     from ..gap.diagnosis.result import Diagnosis
-    from ..simulators import FmuSimulator, MujocoSimulator, Simulator
+    from ..simulators import FmuSimulator
 
 CORRECTED = ("corrected.toml", "corrected.xml", "corrected.py", "corrected.fmu", "start_values.json")
 """What a corrected simulator may consist of."""
 _STEPS = 10
-_CALLBACK = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
-
-model, acting = load()
-data = mujoco.MjData(model)
-with acting:
-    mujoco.mj_step(model, data)
-"""
-
-from pathlib import Path
-
-from pamid.simulators.mujoco_callback import corrected
-
-
-def load():
-    """Return the model, and the effects of corrected.toml that act while they are a context."""
-    return corrected(Path(__file__).with_name("corrected.toml"))
-'''
-_INEXACT = ("coulomb_friction",)
-"""Effects that MJCF has an element for which is not quite the same: it has no displacement before sliding."""
 _ROUNDED = 0.005
 """A share of a gap is said to whole per cents."""
 
 
 def write_corrected(d: Diagnosis, stage: Path, folder: Path, log: pd.DataFrame | None = None) -> list[str]:
     """Write the corrected simulator of a diagnosis into a stage, as far as it loads and runs; return notes."""
-    from ..simulators import FmuSimulator, MujocoSimulator, Simulator
+    from ..any_simulator import read_simulator
 
     simulator = d.corrected
-    names: tuple[str, ...] = CORRECTED[:1]
     if simulator is None:
         return []
-    if isinstance(simulator, MujocoSimulator):
-        names = CORRECTED[:3]
-        notes = _unless_it_fails(stage, names, lambda: _write_mujoco(simulator, stage, folder))
-    elif isinstance(simulator, Simulator) and not simulator.states_equation:
-        notes = _unless_it_fails(stage, names, lambda: _write_page(simulator, stage, folder))
-    else:
-        notes = _unless_it_fails(stage, names, lambda: simulator.to_toml(stage / names[0]))
+    names, again = simulator.corrected_files, list[Any]()
+
+    def write(but: Sequence[str] = ()) -> None:
+        # Its code has run in this diagnosis.
+        again[:] = [simulator.write_corrected(stage, folder, lambda page: read_simulator(page, trust=True), but)]
+        if (stage / "corrected.xml").exists():
+            _run_some_steps(stage / names[0])
+
+    notes = _unless_it_fails(stage, names, write)
     if log is not None and d.added and not notes:
-        inexact = isinstance(simulator, MujocoSimulator) and any(name in _INEXACT for name, *_ in simulator.effects)
         short: dict[str, float] = {}
-        notes = _unless_it_fails(stage, names, lambda: short.update(_short(d, log, _again(simulator, stage))))
-        if short and inexact:
+        notes = _unless_it_fails(stage, names, lambda: short.update(_short(d, log, again[0])))
+        if short and simulator.inexact:
             notes = [f"{_told(short, names[1])}: MuJoCo's frictionloss is not quite the friction of this log. "
                      f"{names[0]} and {names[2]} have it as it was identified."]  # fmt: skip
-            notes += _unless_it_fails(stage, names, lambda: _write_mujoco(simulator, stage, folder, _INEXACT))
-            short = _short(d, log, _again(simulator, stage)) if len(notes) == 1 else {}
+            notes += _unless_it_fails(stage, names, lambda: write(simulator.inexact))
+            short = _short(d, log, again[0]) if len(notes) == 1 else {}
         notes += [f"{_told(short, names[0])} on this log, less than the report says."] if short else []
-    if isinstance(simulator, FmuSimulator):
-        write_whole(stage / "start_values.json", json.dumps(simulator.start_values(), indent=1) + "\n")
+    if (values := simulator.start_values()) is not None:
+        write_whole(stage / "start_values.json", json.dumps(values, indent=1) + "\n")
         notes += _unless_it_fails(stage, ("corrected.fmu",), lambda: _write_fmu(simulator, stage / "corrected.fmu"))
     return notes
 
 
-def _again(simulator: Any, stage: Path) -> Any:
-    """Return a corrected simulator as its file says it; that of a page has been compared with its file."""
-    from ..any_simulator import read_simulator
-    from ..simulators import MujocoSimulator, Simulator
-
-    paged = isinstance(simulator, Simulator) and not isinstance(simulator, MujocoSimulator)
-    return simulator if paged and not simulator.states_equation else read_simulator(stage / CORRECTED[0])
-
-
 def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
     """Return the equations of whose gap a simulator closes less than the report says, with the share that it closes."""
-    from ..any_simulator import evaluate
+    from ..gap import evaluate
 
     found, short = evaluate(log, simulator), {}
     for c in d.closure:
@@ -120,48 +90,20 @@ def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], Non
     return []
 
 
-def _write_mujoco(simulator: MujocoSimulator, stage: Path, folder: Path, but: tuple[str, ...] = ()) -> None:
-    """Write a corrected MuJoCo model with its simulator file and callbacks, and run a few steps of it."""
+def _run_some_steps(page: Path) -> None:
+    """Run a few steps of a corrected MuJoCo model, with its callbacks."""
     import mujoco
     import numpy as np
 
     from ..errors import SimulatorRunError
-    from ..simulators import page_text
     from ..simulators.mujoco_callback import corrected
 
-    text, rest = simulator.corrected_xml()
-    shown = simulator.in_elements(but)
-    rest = [*(e for e in shown.effects if e[0] in but), *rest]
-    write_whole(stage / "corrected.xml", text)
-    page = page_text(shown.with_({}, rest), folder)
-    write_whole(stage / "corrected.toml", re.sub(r"(?m)^model = .*$", 'model = "corrected.xml"', page, count=1))
-    if rest:
-        write_whole(stage / "corrected.py", _CALLBACK)
-    model, acting = corrected(stage / "corrected.toml")
+    model, acting = corrected(page)
     data = mujoco.MjData(model)
     with acting:
         mujoco.mj_step(model, data, nstep=_STEPS)
     if not np.isfinite(data.qpos).all():
         raise SimulatorRunError("corrected.xml gives no finite positions.", "a model that runs", "Look at the causes.")
-
-
-def _write_page(simulator: Simulator, stage: Path, folder: Path) -> None:
-    """Write the simulator file of a simulator, which read again is the same one."""
-    import numpy as np
-
-    from ..errors import SimulatorRunError
-    from ..simulators import page_text, read_simulator
-
-    path = stage / "corrected.toml"
-    write_whole(path, page_text(simulator, stage))
-    again = read_simulator(path, trust=True)  # its code has run in this diagnosis
-    known, shown = _few(simulator), _few(again)
-    same = known is None or (shown is not None and np.allclose(known, shown, rtol=1e-9, equal_nan=True))
-    if list(again.effects) != list(simulator.effects) or not same:
-        raise SimulatorRunError(
-            "corrected.toml, read again, is another simulator.", "the one of the report", "Tell pamid's authors."
-        )
-    write_whole(path, page_text(simulator, folder))
 
 
 def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
@@ -171,23 +113,5 @@ def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
     from ..simulators.fmu_wrapper import wrapped
 
     path.write_bytes(wrapped(simulator))
-    if _few(simulator) is not None and _few(FmuSimulator(path, trust=True, seconds=simulator.seconds)) is None:
+    if simulator.at_rest() is not None and FmuSimulator(path, trust=True, seconds=simulator.seconds).at_rest() is None:
         raise SimulatorRunError("corrected.fmu does not run.", "an FMU that runs as the original does", "Use the page.")
-
-
-def _few(simulator: Simulator) -> np.ndarray | None:
-    """Return the output of a simulator at a few instants at rest; None where it has none there."""
-    import numpy as np
-
-    from ..errors import PamidError
-
-    t = 0.01 * np.arange(_STEPS)
-    x, u = (np.zeros((len(names), len(t))) for names in (simulator.states, simulator.inputs))
-    try:
-        if simulator.form == "run":
-            return simulator.run(t, u, simulator.numbers, x[:, 0])
-        p = np.repeat(np.asarray(simulator.numbers, dtype=float)[:, None], len(t), axis=1)
-        ask = simulator.rate if simulator.form == "ode" else simulator.output
-        return ask(t, x, u, p)
-    except PamidError:
-        return None

@@ -183,9 +183,7 @@ def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, m
 
 def _begun(simulator: Simulator, columns: Mapping[str, str]) -> list[Port]:
     """Return the FMU states at which each run begins, where a reading shows the value and its rate; else none."""
-    from ..simulators.fmu_model import FmuSimulator
-
-    found = simulator.own_states() if isinstance(simulator, FmuSimulator) else []
+    found = simulator.own_states()
     return found if len(found) <= 2 * sum(p.kind == "output" and p.name in columns for p in simulator.ports) else []
 
 

@@ -15,10 +15,6 @@ if TYPE_CHECKING:
     from ..simulators import Simulator
 
 
-_PLAIN = {"eps": "position", "deps": "speed"}
-"""Names of the signals that effects of a joint read, which is no muscle's."""
-
-
 class Left(NamedTuple):
     """What is left of one equation."""
 
@@ -95,16 +91,12 @@ def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     from ..gap.evaluation import residuals_of
 
     evidence = residuals_of(log, simulator)
-    spoken = {k: _PLAIN.get(k, k) for k in evidence.state}
-    if simulator.states_equation:
-        read = simulator.problem(log).X
-        spoken = {k: name for k in evidence.state if (name := evidence.column(k)) in read}
+    spoken = simulator.spoken(log, {k: evidence.column(k) for k in evidence.state})
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
         state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
-        state = {k: v for k, v in state.items() if k not in ("time", "residual", "trajectory") and np.ptp(v) > 0}
-        state = {spoken[k]: v for k, v in state.items() if k in spoken}
+        state = {spoken[k]: v for k, v in state.items() if k in spoken and np.ptp(v) > 0}
         table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
         found[equation] = Left(table.assign(**state), evidence.units[equation])
     return found

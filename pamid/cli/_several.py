@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import ParameterError
 from .common import load_log, mapping_of
-from .rows import readings_where, rows_where
+from .rows import rows_where
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
 HISTORY = ("state.json", "logs.parquet")
 """What `pamid.gap.several.history` writes."""
-_JUDGED = ("F", "F1", "F2", "mdot", "mdot1", "mdot2")
-"""Readings that --where keeps or drops on a bench."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -92,7 +90,6 @@ def diagnosed(
     from ..any_simulator import diagnose
     from ..gap.engine import rows_used
     from ..gap.several import read_conditions
-    from ..simulators import Simulator
 
     if args.since and effects != "all":
         raise ParameterError(
@@ -110,8 +107,7 @@ def diagnosed(
         found_in: Any = {Path(args.log[0]).stem: log}
     else:
         found_in = {name: _counted(args, simulator, log) for name, log in logs.items()}
-    ported = simulator if isinstance(simulator, Simulator) else None
-    table = read_conditions(args.conditions, ported) if args.conditions else None
+    table = read_conditions(args.conditions, simulator) if args.conditions else None
     since = _history(args, simulator) if args.since else None
     found = diagnose(
         found_in, simulator, effects, conditions=table, since=since, alone=logs is None, seed=args.seed,
@@ -119,7 +115,7 @@ def diagnosed(
     )  # fmt: skip
     found.notes[:0] = notes
     assert found.history is not None
-    if args.sim and isinstance(simulator, Simulator):
+    if args.sim:
         found.history.page = str(Path(args.sim).resolve())
     found.history.columns = str(Path(args.columns).resolve()) if args.columns else ""
     found.history.encoding = args.encoding or ""
@@ -142,23 +138,16 @@ def judged_after(
 
 def _counted(args: argparse.Namespace, simulator: Any, log: pd.DataFrame) -> pd.DataFrame:
     """Return a log without the readings that do not count."""
-    from ..simulators import Simulator
-    from ..simulators.problem import COUNTS
-
-    if not isinstance(simulator, Simulator):
-        return readings_where(log, args.where, _JUDGED)
-    if simulator.states_equation:
-        return log if (rows := rows_where(log, args.where)) is None else log.assign(**{COUNTS: rows})
-    return readings_where(log, args.where, [p.source for p in simulator.ports if p.kind != "input"])
+    rows = rows_where(log, args.where)
+    return log if rows is None else simulator.where(log, rows)
 
 
 def _used(args: argparse.Namespace, simulator: Any) -> tuple[pd.DataFrame, int]:
     """Return as much of the log as a diagnosis uses, whole runs, and how many rows there are."""
-    from ..bench.parameters import BenchParameters
     from ..gap.settings import MAX_ROWS
     from ..signals.pieces import read_log_part
 
-    if isinstance(simulator, BenchParameters) and not args.where:
+    if not simulator.reads_all and not args.where:
         return read_log_part(args.log, args.columns, most=MAX_ROWS, nan=args.nan)
     log = load_log(args, simulator=simulator)  # which conditions remain is known once all is read
     return _counted(args, simulator, log), len(log)

@@ -26,9 +26,6 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-    from ..bench.parameters import BenchParameters
-    from ..systems import System
-
 RATES = {"deps": "eps", "dP": "P", "dx": "x", "dq": "q", "ddq": "q"}
 """Rates that estimators read, and the signals that they are taken of."""
 
@@ -83,16 +80,14 @@ def _own_equations(estimator: Any) -> list[str]:
     return said if len(said) == 1 else []
 
 
-def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
+def signal_table(log: pd.DataFrame, page: Any, target: Target) -> pd.DataFrame:
     """Return one row per muscle and sample with ``trajectory``, ``run``, ``time``, ``eps``, ``P`` and the target."""
-    from ..systems import System
-
     if target.signals != ("eps", "P"):
         return _table_of_system(log, page, target)
     columns = list(map(str, log.columns))
     if "eps" in columns and "P" in columns:
         table = log.assign(run=log["trajectory"])
-    elif page is None or isinstance(page, System):
+    elif page is None or page.kind != "bench":
         raise MissingColumnError(
             f"The log has no column eps (it has {', '.join(columns[:20])}).",
             "eps and P of one muscle, or q, P1, P2 and a simulator that tells eps",
@@ -111,10 +106,8 @@ def signal_table(log: pd.DataFrame, page: BenchParameters | System | None, targe
     return table
 
 
-def _table_of_system(log: pd.DataFrame, page: BenchParameters | System | None, target: Target) -> pd.DataFrame:
-    from ..systems import System
-
-    table = page.samples(log) if isinstance(page, System) else log
+def _table_of_system(log: pd.DataFrame, page: Any, target: Target) -> pd.DataFrame:
+    table = log if page is None else page.samples(log)
     if lacking := [name for name in (*target.signals, target.column) if name not in table.columns]:
         raise MissingColumnError(
             f"The log has no {', '.join(lacking)} (it has {', '.join(map(str, log.columns[:20]))}).",

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 
     from ..bench.parameters import BenchParameters
     from ..signals import LogMapping
-    from ..systems import System
 
 
 DONE, OWN_ERROR, WRONG_USE, UNTESTED, INTERRUPTED, TERMINATED = 0, 1, 2, 3, 130, 143
@@ -84,10 +83,7 @@ def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
 
 def own_columns(simulator: Any) -> list[str]:
     """Return the columns that ports of a simulator name; none where a log has pamid's signals."""
-    from ..simulators import Simulator
-
-    named = isinstance(simulator, Simulator) and not simulator.states_equation
-    return [port.source for port in simulator.ports] if named else []
+    return [] if simulator is None else [port.source for port in simulator.own_ports]
 
 
 def load_log(
@@ -96,8 +92,8 @@ def load_log(
     """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
     from ..signals import read_log
 
-    files = paths or (args.log if isinstance(args.log, list) else [args.log])
-    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=not own_columns(simulator))
+    files, check = paths or args.log, not own_columns(simulator)
+    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=check)
 
 
 def load_pieces(
@@ -106,8 +102,8 @@ def load_pieces(
     """Read the log that the arguments name piece by piece, each of whole runs."""
     from ..signals import read_log_pieces
 
-    paths, own = args.log if isinstance(args.log, list) else [args.log], own_columns(simulator)
-    return read_log_pieces(paths, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=not own)
+    check = not own_columns(simulator)
+    return read_log_pieces(args.log, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=check)
 
 
 def load_simulator(path: str) -> BenchParameters:
@@ -134,7 +130,7 @@ def any_simulator_of(args: argparse.Namespace) -> Any:
     return read_simulator(path, trust=bool(getattr(args, "trust", False))) if path else None
 
 
-def page_of(args: argparse.Namespace) -> BenchParameters | System | None:
+def page_of(args: argparse.Namespace) -> Any:
     """Read the simulator file of any kind that the arguments name, or the one in the log's folder; None without one."""
     from ..simulators import simulator_kinds
     from ..systems import read_system
@@ -157,7 +153,7 @@ def _page_path(args: argparse.Namespace) -> str | None:
     """Return the simulator file that --sim names, or the one in the log's folder, saying so."""
     if args.sim:
         return str(args.sim)
-    logs = [Path(p) for p in (args.log if isinstance(args.log, list) else [args.log])]
+    logs = [Path(p) for p in args.log]
     if len(logs) != 1 or args.columns:
         return None
     folder = logs[0] if logs[0].is_dir() else logs[0].parent
@@ -168,29 +164,22 @@ def _page_path(args: argparse.Namespace) -> str | None:
     return None
 
 
-def page_numbers(
-    page: BenchParameters | System | None, columns: str | None = None, kinds: Sequence[str] = ("muscle", "bench")
-) -> dict[str, Any]:
+def page_numbers(page: Any, columns: str | None = None, kinds: Sequence[str] = ("muscle", "bench")) -> dict[str, Any]:
     """Return the numbers of a simulator file of a muscle, cylinder or joint; else the mapping's rest length."""
     from ..signals.mapping import LogMapping
     from ..signals.unit_names import parse_quantity
-    from ..systems import System
 
     if page is None:
         constants = LogMapping.load(columns).constants if columns else {}
         return {k: parse_quantity(constants[k], k) for k in ("rest_length",) if k in constants}
-    kind = page.kind if isinstance(page, System) else "bench"
-    if kind not in kinds:
+    if page.kind not in kinds:
         what = "contraction and pressure of a muscle" if "muscle" in kinds else f"the signals of a {kinds[0]}"
-        own = page.estimator if isinstance(page, System) else "GeometricForce"
         raise UnknownOptionError(
-            f"The simulator file is that of a {kind}.",
+            f"The simulator file is that of a {page.kind}.",
             f"the simulator file of a {' or a '.join(kinds)}, since this model reads {what}",
-            f"For a {kind} fit {own} ('pamid fit LOG --sim SIM.toml --out MODEL.pamid').",
+            f"For a {page.kind} fit {page.estimator} ('pamid fit LOG --sim SIM.toml --out MODEL.pamid').",
         )
-    if not isinstance(page, System):
-        return dict(page.values())
-    return {name: value for name, value in page.values.items() if isinstance(value, float)}
+    return {name: page.get(name) for name in page.names}
 
 
 def _note_assumed(args: argparse.Namespace) -> None:

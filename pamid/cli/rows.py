@@ -63,18 +63,3 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
             "Correct the numbers: they are in the units of the tidy table, SI.",
         )
     return rows
-
-
-def readings_where(log: pd.DataFrame, conditions: Sequence[str], readings: Sequence[str]) -> pd.DataFrame:
-    """Return a log without the readings of the rows that miss a condition; without conditions the log itself."""
-    rows = rows_where(log, conditions)
-    if rows is None:
-        return log
-    there = [name for name in readings if name in log.columns]
-    if not there:
-        raise MissingColumnError(
-            f"--where is given, and the log has none of {', '.join(readings)}.",
-            "a reading that conditions are about",
-            "Leave --where out.",
-        )
-    return log.assign(**{name: log[name].where(rows) for name in there})

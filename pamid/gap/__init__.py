@@ -15,12 +15,12 @@ from .diagnosis.findings import (
 )
 from .diagnosis.localise import state_table
 from .diagnosis.result import Diagnosis
-from .evaluation import evaluate_simulator
+from .evaluation import evaluate
 from .instruments import InstrumentalRefit, Instrumented, refit_with_instruments
 from .refit import Refit, refit_within_tolerance
 from .several.logs import diagnose
 
-diagnose_simulator = diagnose
+diagnose_simulator, evaluate_simulator = diagnose, evaluate
 
 __all__ = [
     "Band",
@@ -39,6 +39,7 @@ __all__ = [
     "TrajectoryShare",
     "diagnose",
     "diagnose_simulator",
+    "evaluate",
     "evaluate_simulator",
     "next_run",
     "refit_with_instruments",

@@ -1,4 +1,4 @@
-"""The error of a simulator with ports on a log, beside the noise of the sensors."""
+"""The error of a simulator on a log, beside the noise of the sensors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..equations.base import Residual
-from ..equations.evaluate import LogEvaluation, Sums, summed
+from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
 from ..errors import SimulatorWarning
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
@@ -20,6 +20,7 @@ from .simulated import evidence_of
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..bench.parameters import BenchParameters
     from .residuals.ports import PortEvidence
 
 
@@ -32,28 +33,30 @@ def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
     return evidence_on(problem, equation_of(problem), simulator, noise=noise)
 
 
-def evaluate_simulator(
-    log: pd.DataFrame | Iterable[pd.DataFrame], simulator: Simulator, *, progress: Callable[[str], None] | None = None
+def evaluate(
+    log: pd.DataFrame | Iterable[pd.DataFrame],
+    simulator: BenchParameters | Simulator,
+    *,
+    progress: Callable[[str], None] | None = None,
 ) -> LogEvaluation:
-    """Evaluate a simulator with ports on a log.
+    """Return how far a simulator of any kind is off on a log, equation by equation, beside the noise of the sensors.
 
-    Clocks that are half a sample aside, and how inputs act within a sample, are allowed for as in a diagnosis.
+    At ports, clocks half a sample aside, and how inputs act within a sample, are allowed for as in a diagnosis.
 
     Parameters
     ----------
     log : DataFrame or iterable of DataFrame
-        ``trajectory``, ``time`` (s) and the columns that the simulator's ports name; or pieces of such a log, each of
-        whole runs.
-    simulator : Simulator
-        The simulator, its effects included.
+        ``trajectory``, ``time`` (s) and the simulator's signals; or pieces of such a log, each of whole runs.
+    simulator : BenchParameters or Simulator
+        The simulator.
     progress : callable, optional
-        Called with a short text for each piece.
+        Called with a short text at each step.
 
     Returns
     -------
     LogEvaluation
-        For each equation its root mean square residual, the same relative to the standard deviation of the target, and
-        the noise floor that the sensors' own noise leaves, over all and by run.
+        For each equation the root mean square residual over windows, the same over the standard deviation of what was
+        measured, and the noise floor.
 
     Raises
     ------
@@ -62,16 +65,12 @@ def evaluate_simulator(
 
     Examples
     --------
-    >>> import numpy as np, pandas as pd
-    >>> from pamid.gap import evaluate_simulator
-    >>> from pamid.simulators import FunctionSimulator, Port
-    >>> t = np.arange(0.0, 4.0, 0.01)
-    >>> log = pd.DataFrame({"trajectory": "a", "time": t, "P": 1e5 * np.sin(t), "F": 50.0 * np.sin(t) + 2.0})
-    >>> ports = [Port("P", "input", "Pa"), Port("F", "output", "N")]
-    >>> piston = FunctionSimulator(lambda u, p: u.P * p.area, ports, {"area": (5e-4, 0.0, "m^2")})
-    >>> found = evaluate_simulator(log, piston)["F"]
-    >>> f"{found.rmse:.2f} {found.unit}"
-    '2.00 N'
+    >>> import pamid
+    >>> bench = pamid.BenchParameters.for_muscle("B")
+    >>> from pamid.bench import sine
+    >>> found = pamid.evaluate(pamid.simulate(bench, [sine(4, 15, 400)]), bench)
+    >>> found["force"].rmse < 2.0 * found["force"].noise_floor  # N
+    True
     """
     import pandas as pd
 
@@ -79,13 +78,12 @@ def evaluate_simulator(
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
     log = as_pandas(log)
-    pieces = [log] if isinstance(log, pd.DataFrame) else log
-    if simulator.states_equation and not isinstance(log, pd.DataFrame):
-        pieces = [pd.concat(log, ignore_index=True)]  # some of its numbers may be fitted to the log
-    for piece in pieces:
+    if not isinstance(simulator, Simulator):
+        return evaluate_log(log, simulator, progress=progress)
+    for piece in [log] if isinstance(log, pd.DataFrame) else simulator.pieces(log):
         say("the log")
         evidence = residuals_of(piece, simulator)
-        _warn_of_idle(simulator, evidence)
+        _warn_of_idle(evidence)
         units |= evidence.units
         residuals = _timed(evidence)
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
@@ -112,9 +110,9 @@ def _timed(evidence: PortEvidence) -> np.ndarray:
     return evidence.value + sum(evidence.skews[name] * float(v) for name, v in zip(names, x, strict=True))
 
 
-def _warn_of_idle(simulator: Simulator, evidence: PortEvidence) -> None:
+def _warn_of_idle(evidence: PortEvidence) -> None:
     """Warn of effects of the simulator that a log leaves without anything to act on."""
-    for name, where, _ in () if simulator.states_equation else simulator.effects:
+    for name, where, _ in evidence.simulator.effects:
         if f"{name}@{where}" not in evidence.effects:
             warnings.warn(
                 f"The simulator's own effect {name} at {where} cannot act on this log, where nothing moves there: the "

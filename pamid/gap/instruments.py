@@ -191,8 +191,7 @@ def refit_with_instruments(log: pd.DataFrame, params: BenchParameters | Simulato
 # --- the log ------------------------------------------------------------------------------------------------
 def _evidence(log: pd.DataFrame, simulator: Any, references: Sequence[str]) -> DirectEvidence:
     """Return the equations of a log whose states are known, with the references among its channels."""
-    direct = isinstance(simulator, Simulator) and simulator.form == "ode" and not simulator.states_equation
-    if not direct:
+    if simulator.form != "ode":
         raise IncompatibleError(
             "Instruments need the rates of a simulator's states, and this simulator states none.",
             "a function of rates, equations, or a MuJoCo model", "Refit without instruments.",

@@ -177,7 +177,7 @@ def stated(log: pd.DataFrame, simulator: Simulator, refit: bool = False) -> Sign
     problem = again(simulator.numbers)
     noise = noise_of(problem, problem.fitted, log)
     found = facing(problem, simulator.sense, simulator=simulator, noise=noise, again=again, refit=refit)
-    found.notes = [*simulator.doubts(log), *found.notes]
+    found.notes = [*(simulator.doubts(log) or ()), *found.notes]
     return found
 
 
@@ -203,14 +203,10 @@ def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.nd
 
 def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator]) -> list[Simulator]:
     """Return each log's simulator of its equation, with its fitted numbers shared by all logs that state the same."""
-    import pandas as pd
-
-    alike: dict[str, list[pd.DataFrame]] = {}
+    alike: dict[str, dict[str, pd.DataFrame]] = {}
     for (name, log), simulator in zip(logs.items(), each, strict=True):
-        runs = [f"{name}: {run}" for run in log["trajectory"]]
-        alike.setdefault(repr(simulator.identity()), []).append(log.assign(trajectory=runs))
-    known = {key: pd.concat(some, ignore_index=True) for key, some in alike.items()}
-    return [s.problem(known[repr(s.identity())]).fitted or s for s in each]
+        alike.setdefault(repr(simulator.identity()), {})[name] = log
+    return [s.fitted_to(alike[repr(s.identity())]) for s in each]
 
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:

@@ -10,9 +10,8 @@ import numpy as np
 
 from ..errors import ImplausibleParameterError, SimulatorRunError
 from ..gap.simulated import evidence_of
-from ..simulators import FmuSimulator, MujocoSimulator, Simulator
+from ..simulators import Simulator
 from ..simulators.ports import ModelParameter
-from .fits import numbers_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,18 +63,10 @@ class Estimates(NamedTuple):
 
 def freed(simulator: Simulator, values: Mapping[str, float], tolerance: float = WIDE) -> Simulator:
     """Return a simulator with other values, which a fit may then change; those that are zero stay."""
-    known = numbers_of(simulator)
-    made = {k: ModelParameter(v, tolerance, known[k].unit if k in known else "-") for k, v in values.items()}
-    missing = set(values) - set(simulator.parameters)
-    if missing and isinstance(simulator, MujocoSimulator):
-        return MujocoSimulator(simulator.path, simulator.ports, {**simulator.parameters, **made}, simulator.effects)
-    if missing and isinstance(simulator, FmuSimulator):
-        return FmuSimulator(
-            simulator.path, simulator.ports, {**simulator.parameters, **made}, simulator.effects, trust=True
-        )
-    out = simulator.with_()
-    out.parameters = {**simulator.parameters, **made}
-    return out
+    known = simulator.fit_numbers()
+    return simulator.freed(
+        {k: ModelParameter(v, tolerance, known[k].unit if k in known else "-") for k, v in values.items()}
+    )
 
 
 def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str], read: bool = True) -> Estimates:

@@ -97,7 +97,7 @@ class FittedParameters:
         """
         if self.model is not None:
             return self._of_model(simulator)
-        known = numbers_of(simulator)
+        known = simulator.fit_numbers()
         found: dict[str, FittedNumber] = {}
         left: list[str] = []
         for name, number in self.numbers.items():
@@ -117,15 +117,19 @@ class FittedParameters:
 
     def _of_model(self, simulator: Simulator) -> FittedParameters:
         assert self.model is not None
-        model = MujocoSimulator(self.model) if self.model.suffix.lower() == ".xml" else read_system(self.model)
+        if self.model.suffix.lower() == ".xml":
+            model: Simulator = MujocoSimulator(self.model)
+            fitted = model.own_numbers()
+        else:
+            model = read_system(self.model)
+            fitted = model.parameters
         if model.kind != simulator.kind:
             raise ParameterError(
                 f"{self.source} is of the kind {model.kind}, the simulator of the kind {simulator.kind}.",
                 "fitted values",
                 "Give them as JSON.",
             )
-        own = numbers_of(simulator)
-        fitted = model.own_numbers() if isinstance(model, MujocoSimulator) else model.parameters
+        own = simulator.fit_numbers()
         changed = {k: FittedNumber(v.value) for k, v in fitted.items() if k in own and v.value != own[k].value}
         if not changed:
             raise ParameterError(
@@ -134,32 +138,6 @@ class FittedParameters:
                 "Name the model before the fit with --sim, and the fitted one with --after.",
             )
         return replace(self, numbers=changed)
-
-
-def numbers_of(simulator: Simulator) -> dict[str, ModelParameter]:
-    """Return the numbers that a simulator has, those of a MuJoCo model that are zero among them.
-
-    Raises
-    ------
-    ParameterError
-        It is the simulator of a bench.
-    """
-    if not isinstance(simulator, Simulator):
-        raise ParameterError(
-            "The simulator is that of a bench.",
-            "a cylinder, joint or muscle, or a simulator with ports",
-            "Give its numbers tolerances ([tolerance]) and diagnose the log, which refits them.",
-        )
-    found = {**simulator.own_numbers(), **simulator.parameters}
-    if isinstance(simulator, MujocoSimulator):
-        joints = [p.name for p in simulator.ports if p.kind == "joint"]
-        for joint in joints:
-            for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
-                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
-        for name in [n for n in found if n.startswith("actuator_kp.")]:
-            damping = f"actuator_kv.{name.partition('.')[2]}"
-            found.setdefault(damping, ModelParameter(simulator.number(damping)))
-    return {name: p for name, p in found.items() if name not in simulator.settings}
 
 
 def read_fit(source: str | Path | Mapping[str, Any] | FittedParameters) -> FittedParameters:

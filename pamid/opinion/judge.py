@@ -15,7 +15,7 @@ from ..gap.several.logs import diagnose
 from ..signals.frames import as_pandas
 from ..simulators import Simulator
 from .estimates import Open, estimates, freed
-from .fits import FittedNumber, FittedParameters, numbers_of, read_fit
+from .fits import FittedNumber, FittedParameters, read_fit
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -222,11 +222,12 @@ def second_opinion(
     given: list[Any] = list(after) if several else [after]  # type: ignore[arg-type]
     fits = [read_fit(a).of(simulator) for a in given]
     fit = fits[0]
-    known = numbers_of(simulator)
+    known = simulator.fit_numbers()
     values = {n: v.value for n, v in fit.numbers.items()}
     # A number is known as the simulator file states; the others may be anything around the fitted value.
     stated = {n for n in values if known[n].tolerance > 0.0 and known[n].value != 0.0}
-    fitted = freed(_of_model(simulator, fit, stated), {n: v for n, v in values.items() if n not in stated})
+    begun = simulator if fit.model is None else simulator.as_fitted(fit.model, stated)
+    fitted = freed(begun, {n: v for n, v in values.items() if n not in stated})
     found = diagnose(log, fitted, effects, seed=seed, progress=say)
     say("errors and directions")
     about = found.corrected if found.corrected is not None else _moved(fitted, found)
@@ -254,16 +255,6 @@ def second_opinion(
     return Opinion(
         judged, missing, est.flat, found, _next(found, est.flat), est.agreement, fit.unmatched, fit.source, ranges
     )
-
-
-def _of_model(simulator: Simulator, fit: FittedParameters, stated: set[str]) -> Simulator:
-    """Return the simulator that was fitted: where the tool wrote a model, that with the ports of this one."""
-    from ..simulators import MujocoSimulator
-
-    if fit.model is None or not isinstance(simulator, MujocoSimulator):
-        return simulator
-    kept = {n: simulator.parameters[n] for n in stated if n in simulator.parameters}
-    return MujocoSimulator(fit.model, simulator.ports, kept, simulator.effects)
 
 
 def _moved(fitted: Simulator, found: Diagnosis) -> Simulator:

@@ -16,7 +16,6 @@ from ..names import refuse_others
 from ..simulators import Simulator
 from ..toml_files import TomlErrors, read_toml
 from .estimates import freed, settled
-from .fits import numbers_of
 from .judge import LEVEL, NEGLIGIBLE, Opinion
 
 if TYPE_CHECKING:
@@ -142,7 +141,7 @@ class Passport:
         """
         from scipy.stats import norm
 
-        values, known = {n: e.value for n, e in self.numbers.items() if e.value != 0.0}, numbers_of(simulator)
+        values, known = {n: e.value for n, e in self.numbers.items() if e.value != 0.0}, simulator.fit_numbers()
         if not values:
             raise ParameterError("The passport holds no number but zeros.", "numbers", "Fit some first.")
         refuse_others(values, known, "The passport has", remedy="Name the simulator of the passport.")

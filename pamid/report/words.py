@@ -52,11 +52,11 @@ class Words(NamedTuple):
     def of(cls, diagnosis: Diagnosis) -> Words:
         """Return the words of a diagnosis."""
         simulator = diagnosis.nominal
-        if getattr(simulator, "states_equation", True):
+        if simulator is None or not (ports := simulator.own_ports):
             return cls()
-        joints = frozenset(p.name for p in simulator.ports if p.kind == "joint")
+        joints = frozenset(p.name for p in ports if p.kind == "joint")
         units = {e.equation: e.unit for e in diagnosis.equations}
-        return cls({p.name: p.unit for p in simulator.ports}, joints, simulator.parameters, units)
+        return cls({p.name: p.unit for p in ports}, joints, simulator.parameters, units)
 
     def is_at_ports(self, equation: str) -> bool:
         """Return whether an equation is one of a simulator with ports."""

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
-from ..errors import MissingParameterError, ParameterError
+from ..errors import MissingParameterError, PamidError, ParameterError, SimulatorRunError
 from ..explained import explain
+from ..face import AnySimulator
+from ..files import write_whole
 from ..names import refuse_others
-from .between import Between
+from ..toml_files import toml_key, toml_value
+from .between import Between, ends_of
 from .ports import ModelParameter, Port, as_parameters
 
 if TYPE_CHECKING:
@@ -33,7 +37,7 @@ class Carried(NamedTuple):
     """Size of the whole, m."""
 
 
-class Simulator:
+class Simulator(AnySimulator):
     """A model of a system with ports, of any origin.
 
     A subclass states its `form` and overrides the methods of that form: ``output`` for an algebraic one; ``rate`` (and
@@ -75,8 +79,6 @@ class Simulator:
     """What was said of it where it is not repeatable, empty where it is; None until tried."""
     states_equation: ClassVar[bool] = False
     """Whether it states one equation of pamid's own signals, see `problem`, instead of having one of the forms."""
-    library: ClassVar[str] = ""
-    """Of `pamid.effects.base.KINDS` the one whose effects "all" are; empty for those that can act at ports."""
     sense: str | int = 1
     """Of an equation that it states: 1 where effects subtract from the target, -1 where they add to it, or "auto"."""
     settings: ClassVar[tuple[str, ...]] = ()
@@ -134,6 +136,16 @@ class Simulator:
                 f"an input: {', '.join(self.inputs) or 'there is none'}",
                 "Name the input that its forces act like.",
             )
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its parameters."""
+        return tuple(self.parameters)
+
+    @property
+    def own_ports(self) -> tuple[Port, ...]:
+        """Its ports."""
+        return self.ports
 
     def _of(self, kind: str) -> tuple[str, ...]:
         return self._by_kind.get(kind, ())
@@ -228,10 +240,6 @@ class Simulator:
             out.between = tuple(between)
         return out
 
-    def doubts(self, log: pd.DataFrame) -> list[str]:
-        """Return doubts about the units of a log and the reference of its pressure."""
-        return []
-
     def corrected(self, effects: Sequence[Any], sense: int, unit: str) -> Simulator:
         """Return it with further effects on the equation that it states, which act in a sense on a target in a unit."""
         raise NotImplementedError
@@ -260,9 +268,97 @@ class Simulator:
         """Return the entries of the table of its kind, files named as seen from a folder."""
         raise NotImplementedError
 
+    def page_text(self, folder: Path) -> str:
+        """Return its simulator file, in which files are named as seen from a folder."""
+        table = self.page_table(folder)
+        lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{self.kind}"', ""]
+        lines += [f"[{self.kind}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
+        lines += ["", "[ports]"]
+
+        def add(name: str, **said: Any) -> None:
+            lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
+
+        for port in self.ports:
+            own = {f.name: value for f in fields(Port)[2:] if (value := getattr(port, f.name)) != f.default}
+            add(port.name, kind=port.kind, **own)
+        none = {name for name, _ in self.joint_inertias().values()}
+        none.update(name for load in self.carried().values() for name in load.numbers.values())
+        numbers = {n: p for n, p in self.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
+        if numbers:
+            lines += ["", "[parameters]"]
+            for name, p in numbers.items():
+                add(name, value=float(p.value), tolerance=float(p.tolerance), unit=p.unit)
+        for b in self.between:
+            lines += ["", "[[between]]", f"ends = [{toml_value(b.first)}, {toml_value(b.second)}]"]
+            lines += [f"ratio = {float(b.ratio)!r}"] if b.ratio is not None else []
+            lines += [f"inertia = [{', '.join(map(toml_value, b.inertia))}]"] if b.inertia is not None else []
+        for name, where, values in self.effects:
+            both = ends_of(where)
+            at = toml_value(where) if both is None else f"[{', '.join(map(toml_value, both))}]"
+            lines += ["", "[[effects]]", f"effect = {toml_value(name)}", f"at = {at}"]
+            lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
+        return "\n".join(lines) + "\n"
+
+    def write_corrected(
+        self, stage: Path, folder: Path, read: Callable[[Path], AnySimulator], but: Collection[str] = ()
+    ) -> AnySimulator:
+        """Write its simulator file, which read again is the same one."""
+        write_whole(path := stage / self.corrected_files[0], self.page_text(stage))
+        again: Any = read(path)
+        known, shown = self.at_rest(), again.at_rest()
+        same = known is None or (shown is not None and np.allclose(known, shown, rtol=1e-9, equal_nan=True))
+        if list(again.effects) != list(self.effects) or not same:
+            raise SimulatorRunError(
+                "corrected.toml, read again, is another simulator.", "the one of the report", "Tell pamid's authors."
+            )
+        write_whole(path, self.page_text(folder))
+        return self
+
+    def at_rest(self) -> np.ndarray | None:
+        """Return what it gives at a few instants at rest; None where it has nothing there."""
+        t = 0.01 * np.arange(10)
+        x, u = (np.zeros((len(names), len(t))) for names in (self.states, self.inputs))
+        try:
+            if self.form == "run":
+                return self.run(t, u, self.numbers, x[:, 0])
+            p = np.repeat(self.numbers[:, None], len(t), axis=1)
+            return (self.rate if self.form == "ode" else self.output)(t, x, u, p)
+        except PamidError:
+            return None
+
     def own_numbers(self) -> dict[str, ModelParameter]:
         """Return the numbers that the model itself has and that a simulator file may give a tolerance."""
         return dict(self.parameters)
+
+    def own_states(self) -> list[Port]:
+        """Return states of the model whose start values may be set and that are no ports."""
+        return []
+
+    def fit_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers that another tool may have fitted."""
+        return {n: p for n, p in {**self.own_numbers(), **self.parameters}.items() if n not in self.settings}
+
+    def freed(self, parameters: Mapping[str, ModelParameter]) -> Simulator:
+        """Return a copy with further parameters, or others."""
+        out = self.with_()
+        out.parameters = {**self.parameters, **parameters}
+        return out
+
+    def as_fitted(self, model: Path, kept: Collection[str]) -> Simulator:
+        """Return the simulator of a model that another tool wrote, with some parameters as they are here."""
+        return self
+
+    def pieces(self, logs: Iterable[pd.DataFrame]) -> Iterable[pd.DataFrame]:
+        """Return the pieces of a log that it can be evaluated on one by one."""
+        return logs
+
+    def spoken(self, log: pd.DataFrame, columns: Mapping[str, str]) -> dict[str, str]:
+        """Return plain names of the state that effects read, of which `columns` are names in a log."""
+        return {k: {"eps": "position", "deps": "speed"}.get(k, k) for k in columns}
+
+    def fitted_to(self, logs: Mapping[str, pd.DataFrame]) -> Simulator:
+        """Return it with the numbers that are fitted to logs, shared by all of them."""
+        return self
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint the number to which additional inertia is added, and its present inertia."""

@@ -167,10 +167,11 @@ class FmuSimulator(Simulator):
             ]
             try:
                 return np.concatenate([a.result()[1]["y"] for a in asked])
-            except BaseException as error:
-                if not isinstance(error, SimulatorRunError):  # hung, dead or interrupted: nobody waits for the rest
-                    for w in workers:
-                        w.kill()
+            except SimulatorRunError:
+                raise
+            except BaseException:  # hung, dead or interrupted: nobody waits for the rest
+                for w in workers:
+                    w.kill()
                 raise
 
     def own_numbers(self) -> dict[str, ModelParameter]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,8 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from ..errors import ParameterError, SimulatorSyntaxError
-from ..files import named_from
+from ..face import AnySimulator
+from ..files import named_from, write_whole
 from .base import Carried, Simulator
 from .integrate import STEPS
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
@@ -19,7 +21,7 @@ from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import write_full_inertia
-from .mujoco_written import FED_BACK, NUMBERS, written
+from .mujoco_written import CALLBACKS, FED_BACK, NUMBERS, written
 from .ports import ModelParameter, Port, merged
 
 _UNITS = {
@@ -78,6 +80,7 @@ class MujocoSimulator(Simulator):
     kinds: ClassVar[tuple[str, ...]] = ("mujoco",)
     executes: ClassVar[bool] = False
     one_by_one: ClassVar[bool] = True
+    corrected_files: ClassVar[tuple[str, ...]] = ("corrected.toml", "corrected.xml", "corrected.py")
 
     def __init__(
         self,
@@ -230,6 +233,28 @@ class MujocoSimulator(Simulator):
                     found[f"{kind}.{name}"] = ModelParameter(float(array[at]), 0.0, self._unit(f"{kind}.{name}"))
         return found
 
+    def fit_numbers(self) -> dict[str, ModelParameter]:
+        """Return the numbers that another tool may have fitted, those that are zero among them."""
+        found = super().fit_numbers()
+        for joint in (p.name for p in self.ports if p.kind == "joint"):
+            for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
+                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
+        for name in [n for n in found if n.startswith("actuator_kp.")]:
+            damping = f"actuator_kv.{name.partition('.')[2]}"
+            found.setdefault(damping, ModelParameter(self.number(damping)))
+        return found
+
+    def freed(self, parameters: Mapping[str, ModelParameter]) -> Simulator:
+        """Return a copy with further parameters, or others; further ones need a model of their own."""
+        if parameters.keys() <= self.parameters.keys():
+            return super().freed(parameters)
+        return type(self)(self.path, self.ports, {**self.parameters, **parameters}, self.effects)
+
+    def as_fitted(self, model: Path, kept: Collection[str]) -> Self:
+        """Return the simulator of a model that another tool wrote, with some parameters as they are here."""
+        own = {n: self.parameters[n] for n in kept if n in self.parameters}
+        return type(self)(model, self.ports, own, self.effects)
+
     def _set(self, numbers: np.ndarray) -> None:
         moved = False
         for k in (numbers != self._has[: len(numbers)]).nonzero()[0].tolist():
@@ -380,6 +405,26 @@ class MujocoSimulator(Simulator):
             Effects that MJCF has no element for.
         """
         return written(self, self._actuators)
+
+    @property
+    def inexact(self) -> tuple[str, ...]:
+        """Names of effects for which the elements of MJCF are not quite the same: no displacement before sliding."""
+        return ("coulomb_friction",) if any(name == "coulomb_friction" for name, *_ in self.effects) else ()
+
+    def write_corrected(
+        self, stage: Path, folder: Path, read: Callable[[Path], AnySimulator], but: Collection[str] = ()
+    ) -> AnySimulator:
+        """Write the corrected model with its simulator file and callbacks; return what they say."""
+        page, model, callbacks = (stage / name for name in self.corrected_files)
+        text, rest = self.corrected_xml()
+        shown = self.in_elements(but)
+        rest = [*(e for e in shown.effects if e[0] in but), *rest]
+        write_whole(model, text)
+        said = shown.with_({}, rest).page_text(folder)
+        write_whole(page, re.sub(r"(?m)^model = .*$", 'model = "corrected.xml"', said, count=1))
+        if rest:
+            write_whole(callbacks, CALLBACKS)
+        return read(page)
 
     def own(self, name: str) -> float:
         """Return a parameter's value in the model as it was loaded."""

@@ -12,6 +12,25 @@ from .mujoco_body import PAYLOAD
 from .mujoco_commands import gains_last, put_delay, put_range
 from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text
 
+CALLBACKS = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
+
+model, acting = load()
+data = mujoco.MjData(model)
+with acting:
+    mujoco.mj_step(model, data)
+"""
+
+from pathlib import Path
+
+from pamid.simulators.mujoco_callback import corrected
+
+
+def load():
+    """Return the model, and the effects of corrected.toml that act while they are a context."""
+    return corrected(Path(__file__).with_name("corrected.toml"))
+'''
+"""corrected.py, where MJCF has no element for an effect."""
+
 NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
     "jnt_stiffness": "joint", "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator",

@@ -22,9 +22,9 @@ from ..errors import (
     UntrustedCodeError,
 )
 from ..names import REMOVE, refuse_others
-from ..toml_files import TomlErrors, read_toml, toml_key, toml_value
+from ..toml_files import TomlErrors, read_toml
 from .base import Simulator
-from .between import ends_of, place_name, read_between
+from .between import place_name, read_between
 from .ports import ModelParameter, Port
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
@@ -256,32 +256,4 @@ def page_text(simulator: Simulator, folder: str | Path = ".") -> str:
     >>> print(page_text(FunctionSimulator(math.hypot, ports, form="algebraic")).splitlines()[-1])
     y = { kind = "output", unit = "N" }
     """
-    table = simulator.page_table(Path(folder))
-    lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{simulator.kind}"', ""]
-    lines += [f"[{simulator.kind}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
-    lines += ["", "[ports]"]
-    for port in simulator.ports:
-        said = {"kind": port.kind} | {
-            f.name: getattr(port, f.name)
-            for f in fields(Port)
-            if f.name not in ("name", "kind") and getattr(port, f.name) != f.default
-        }
-        lines.append(f"{toml_key(port.name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
-    none = {name for name, _ in simulator.joint_inertias().values()}
-    none.update(name for load in simulator.carried().values() for name in load.numbers.values())
-    numbers = {n: p for n, p in simulator.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
-    if numbers:
-        lines += ["", "[parameters]"]
-        for name, p in numbers.items():
-            said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
-            lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
-    for b in simulator.between:
-        lines += ["", "[[between]]", f"ends = [{toml_value(b.first)}, {toml_value(b.second)}]"]
-        lines += [f"ratio = {float(b.ratio)!r}"] if b.ratio is not None else []
-        lines += [f"inertia = [{', '.join(map(toml_value, b.inertia))}]"] if b.inertia is not None else []
-    for name, where, values in simulator.effects:
-        both = ends_of(where)
-        at = toml_value(where) if both is None else f"[{', '.join(map(toml_value, both))}]"
-        lines += ["", "[[effects]]", f"effect = {toml_value(name)}", f"at = {at}"]
-        lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
-    return "\n".join(lines) + "\n"
+    return simulator.page_text(Path(folder))

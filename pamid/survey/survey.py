@@ -132,13 +132,13 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     sampling = sampling_of(log, imposed)
     coverage = coverage_of(log, sampling)
     columns = [c.name for c in channels if c.missing < 1.0]
-    kind = simulator.kind if isinstance(simulator, System) else guess_kind(set(columns)) or "bench"
-    answers = answerable(columns, coverage, sampling, kind)
     warnings = _clock_warnings(sampling, coverage) + [w for c in channels for w in _channel_warnings(c)]
     notes: list[str] = []
     separations: list[Separation] = []
     best: dict[str, Any] | None = None
+    kind = guess_kind(set(columns)) or "bench"
     if isinstance(simulator, System):
+        kind = simulator.kind
         warnings += _system_warnings(log, simulator)
     elif simulator is not None:
         try:
@@ -156,6 +156,7 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
         notes.append(
             "The noise is estimated from differences between neighbouring samples, since no run repeats another."
         )
+    answers = answerable(columns, coverage, sampling, kind)
     found = Survey(sampling, channels, coverage, answers, separations, best, warnings, [], notes)
     return replace(found, record=_record(found))
 
@@ -201,13 +202,11 @@ def _channel_warnings(c: Channel) -> list[str]:
 
 
 def _system_warnings(log: pd.DataFrame, system: System) -> list[str]:
-    from ..systems.reference import doubts
-
     try:
         system.require(log)
     except PamidError as error:
         return [f"The log does not suit the simulator file: {error}"]
-    return doubts(log, system)
+    return system.doubts(log)
 
 
 def _record(s: Survey) -> list[str]:

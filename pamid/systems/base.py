@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from ..errors import (
     MissingParameterError,
     SimulatorTypeError,
 )
+from ..face import AnySimulator
 from ..names import REMOVE, refuse_others, require_one_of
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
@@ -26,6 +27,7 @@ from ..simulators.ports import ModelParameter, Port
 from ..simulators.problem import COUNTS, Problem
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
 
@@ -204,8 +206,6 @@ class System(Simulator, ABC):
     """Nominal equation, in words of the signals."""
     sense: str | int = "auto"
     library = "actuator"
-    estimator: ClassVar[str] = "GeometricForce"
-    """Name of the estimator that fits its parameters."""
 
     def __init__(
         self, *, effects: Sequence[EffectLike] = (), tolerance: Mapping[str, float] | None = None, **values: Any
@@ -308,9 +308,32 @@ class System(Simulator, ABC):
         """Units of target, position and pressure, as `pamid.estimators.GapDiagnoser` takes them; empty for SI."""
         return {}
 
-    def samples(self, log: pd.DataFrame) -> pd.DataFrame:
-        """Return a log with the inputs and target of its estimator; no target in rows where it is not known."""
-        return log
+    own_ports = AnySimulator.own_ports
+    write_corrected = AnySimulator.write_corrected
+
+    def where(self, log: pd.DataFrame, rows: np.ndarray) -> pd.DataFrame:
+        """Return a log in which only some rows count."""
+        return log.assign(**{COUNTS: rows})
+
+    def counting(self, logs: Mapping[str, pd.DataFrame], rows: np.ndarray) -> dict[str, pd.DataFrame]:
+        """Return a log in which only some rows count; raise for several."""
+        return {n: self.where(log, rows) for n, log in logs.items()} if len(logs) == 1 else super().counting(logs, rows)
+
+    def pieces(self, logs: Iterable[pd.DataFrame]) -> list[pd.DataFrame]:
+        """Return a log as a whole, since some numbers may be fitted to it."""
+        import pandas as pd
+
+        return [pd.concat(logs, ignore_index=True)]
+
+    def spoken(self, log: pd.DataFrame, columns: Mapping[str, str]) -> dict[str, str]:
+        """Return the names in its equation of the state that effects read."""
+        read = self.problem(log).X
+        return {k: column for k, column in columns.items() if column in read}
+
+    def fitted_to(self, logs: Mapping[str, pd.DataFrame]) -> Simulator:
+        """Return it with the numbers that are fitted to logs, shared by all of them."""
+        runs = (log.assign(trajectory=[f"{name}: {run}" for run in log["trajectory"]]) for name, log in logs.items())
+        return self.problem(self.pieces(runs)[0]).fitted or self
 
     def unit_of(self, columns: Collection[str]) -> str:
         """Return the unit of the target on a log with some columns."""
@@ -334,7 +357,7 @@ class System(Simulator, ABC):
 
     @classmethod
     def text(cls, values: Mapping[str, Any], assumed: Collection[str] = ()) -> str:
-        """Return the commented simulator file of such a system, see `pamid.systems.file.system_text`."""
+        """Return the commented simulator file of such a system, with numbers in SI; `assumed` ones are marked."""
         lines = [
             f"# Simulator: {cls.title}.",
             f"# Nominal equation: {cls.law}",

@@ -20,7 +20,6 @@ from ..signals.units import UNITS, dimension_of
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
-from .file import system_text
 from .raw import clock_settings, read_raw, run_columns
 from .reference import disagreement, zero_of_force
 
@@ -346,7 +345,7 @@ class Draft:
             return bench_text(BenchParameters.for_muscle("B").replace(**{"name": "my muscle", **given}), self.assumed())
         cls = all_systems()[self.kind]
         values = {**{name: _TYPICAL[name] for name in self.assumed() if name in _TYPICAL}, **self.numbers}
-        return system_text(cls, cls(**values).values, self.assumed())
+        return cls.text(cls(**values).values, self.assumed())
 
 
 def draft_for(

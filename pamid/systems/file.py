@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from ..bench.simulator_file import ERRORS
 from ..effects.spec import specs_of
@@ -78,8 +76,3 @@ def read_system(path: str | Path) -> System:
         )
     except SimulatorFileError as error:
         raise type(error)(f"{path}: {error.found}", error.expected, error.remedy) from None
-
-
-def system_text(kind: type[System], values: Mapping[str, Any], assumed: tuple[str, ...] = ()) -> str:
-    """Return the commented simulator file of a system with its numbers in SI; `assumed` ones are marked."""
-    return kind.text(values, assumed)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..bench.parameters import BenchParameters
 from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
 from ..effects.plant import BRAID_ANGLE, Plant
 from ..errors import MissingColumnError
@@ -15,6 +16,8 @@ from .base import Input, Quantity, System, with_rates
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_OWN = "rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature"
 
 
 class Muscle(System):
@@ -67,8 +70,11 @@ class Muscle(System):
 
     def plant(self) -> Plant:
         """Return the numbers as effects see them."""
-        names = ("rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature")
-        return Plant.of_muscle(*map(self.number, names))
+        return Plant.of_muscle(*map(self.number, _OWN))
+
+    def as_bench(self) -> BenchParameters:
+        """Return a bench with this muscle."""
+        return BenchParameters.for_muscle("B").replace(**{name: self.number(name) for name in _OWN})
 
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
         """Return the equation of the force, or of the flow, on a log; see `System.nominal_problem`."""

@@ -285,7 +285,7 @@ def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(m
         return Closure(equation, 1.1, 1.0, 1.0, 0.9, (low, 1.0), allowed=allowed)
 
     left = dict.fromkeys(("valve", "force", "told"), SimpleNamespace(rmse=1.102))
-    monkeypatch.setattr("pamid.any_simulator.evaluate", lambda log, simulator: left)
+    monkeypatch.setattr("pamid.gap.evaluate", lambda log, simulator: left)
     d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8), gap("told", 0.8, "timing of u")])
     assert _short(d, None, None) == {"force": 0.0}
 

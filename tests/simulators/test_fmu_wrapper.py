@@ -11,12 +11,12 @@ pytest.importorskip("fmpy")
 
 from pamid.cli import main
 from pamid.cli.commands.diagnose import write
-from pamid.errors import ExportError, SimulatorRunError
+from pamid.errors import ExportError, SimulatorRunError, UntrustedCodeError
 from pamid.export.fmu import compiled, packed
 from pamid.export.ode_fmu import ode_fmu
 from pamid.gap import diagnose_simulator
 from pamid.report.sections import Source
-from pamid.simulators import FmuSimulator, Port
+from pamid.simulators import FmuSimulator, ModelParameter, Port
 from pamid.simulators.fmu_model import _distinct
 from pamid.simulators.fmu_wrapper import wrapped
 
@@ -171,6 +171,15 @@ def test_a_step_that_fails_after_half_a_second_is_no_number(motor, tmp_path, bro
 
 def test_variables_whose_plain_names_are_the_same_are_all_there():
     assert _distinct(["y.", "y", "a[1]", "a(1)"]) == {"y": "y", "y_2": "y.", "a_1": "a[1]", "a_1_2": "a(1)"}
+
+
+def test_numbers_that_a_second_opinion_frees_bring_no_trust(motor):
+    freed = FmuSimulator(motor, (), {}).freed({"k": ModelParameter(0.06, 0.9)})
+    with pytest.raises(UntrustedCodeError):
+        freed.run(T, np.stack([U, np.zeros(SAMPLES)]), freed.numbers, np.zeros(0))
+    trusted = FmuSimulator(motor, (), {}, trust=True).freed(freed.parameters)
+    x = trusted.run(T, np.stack([U, np.zeros(SAMPLES)]), trusted.numbers, np.zeros(0))
+    assert np.allclose(x, 1.2 * run(motor))  # neither friction nor load: all is proportional to k
 
 
 def test_no_unpacked_folder_stays(motor, tmp_path, monkeypatch):

@@ -110,7 +110,7 @@ def test_every_page_names_its_kind(tmp_path):
     from pamid.bench import BenchParameters
     from pamid.systems import all_systems, read_system
     from pamid.systems.bench_page import bench_text
-    from pamid.systems.file import kind_of_file, system_text
+    from pamid.systems.file import kind_of_file
 
     bench, page = BenchParameters.for_muscle("B"), tmp_path / "sim.toml"
     bench.to_toml(page)
@@ -119,7 +119,7 @@ def test_every_page_names_its_kind(tmp_path):
     assert 'kind = "bench"' in page.read_text()
     assert BenchParameters.from_toml(page) == bench
     for kind, system in all_systems().items():
-        page.write_text(system_text(system, {q.name: q.lower for q in system.quantities if q.default is None}))
+        page.write_text(system.text({q.name: q.lower for q in system.quantities if q.default is None}))
         assert kind_of_file(page) == kind
         assert read_system(page).kind == kind
 

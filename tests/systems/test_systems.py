@@ -11,7 +11,6 @@ import pytest
 from pamid import diagnose
 from pamid.bench import BenchParameters, isometric, simulate, sine, unfold
 from pamid.cli import main
-from pamid.cli.rows import readings_where
 from pamid.errors import (
     ImplausibleParameterError,
     MissingColumnError,
@@ -22,9 +21,9 @@ from pamid.errors import (
 )
 from pamid.report import GapDisplay, report_html
 from pamid.signals import read_log, write_log
+from pamid.simulators import Port, Simulator
 from pamid.systems import all_systems, read_system
 from pamid.systems.cylinder import Cylinder
-from pamid.systems.file import system_text
 from pamid.systems.joint import Joint
 from pamid.systems.muscle import Muscle
 
@@ -53,7 +52,7 @@ def stroke() -> pd.DataFrame:
 def test_a_page_is_read_back(kind, tmp_path):
     cls = all_systems()[kind]
     given = {q.name: 0.5 * (q.lower + min(q.upper, 2.0)) for q in cls.quantities if q.default is None}
-    (tmp_path / "sim.toml").write_text(system_text(cls, given, tuple(given)), encoding="utf-8")
+    (tmp_path / "sim.toml").write_text(cls.text(given, tuple(given)), encoding="utf-8")
     again = read_system(tmp_path / "sim.toml")
     assert type(again) is cls
     for name, value in cls(**given).values.items():
@@ -224,12 +223,12 @@ def test_a_condition_leaves_rows_out(stroke, tmp_path, capsys):
 
 
 def test_readings_of_rows_that_miss_a_condition(stroke):
-    kept = readings_where(stroke, ["x < 0.028"], ["F", "mdot"])
+    rows = stroke["x"] < 0.028
+    kept = BenchParameters.for_muscle("B").where(stroke, rows)
     assert (kept["F"].isna() == (stroke["x"] >= 0.028)).all()
     assert kept["x"].notna().all()
-    assert readings_where(stroke, [], ["F"]) is stroke
     with pytest.raises(MissingColumnError, match="none of mdot"):
-        readings_where(stroke, ["x < 0.028"], ["mdot"])
+        Simulator([Port("mdot", "output")]).where(stroke, rows)
 
 
 def test_numbers_beside_the_entries_of_a_json_log_become_signals(tmp_path):

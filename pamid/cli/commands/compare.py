@@ -153,12 +153,11 @@ def _workers(dask: str | None) -> contextlib.AbstractContextManager[Any]:
 def _run(args: argparse.Namespace, folder: Path | None) -> int:
     from ...compare import candidates, compare
     from ...compare.entries import target_of
-    from ...systems import System
     from .._tables import TARGETS, Target, signal_table
 
     started = time.perf_counter()
     page = page_of(args)
-    if isinstance(page, System) and page.kind != "muscle":
+    if page is not None and page.kind not in TARGETS["force"].kinds:
         return _compare_system(args, page, folder, started)
     log = load_log(args, nan="drop")
     output = args.predict or ("eps" if "load" in log.columns else "P")

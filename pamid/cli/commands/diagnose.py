@@ -208,12 +208,11 @@ def _tried_on(args: argparse.Namespace, d: Diagnosis) -> pd.DataFrame | None:
 
 def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[str]:
     """Return the names of the effects that may be the cause of a simulator's gap."""
+    from ...any_simulator import library_of
     from ...effects import all_effects
-    from ...effects.registry import chosen_effects
-    from ...simulators import Simulator, port_effects
+    from ...simulators import port_effects
 
-    kind = simulator.library if isinstance(simulator, Simulator) else "bench"
-    at_ports = not kind
+    at_ports = not simulator.library
     known = set(port_effects()) if at_ports else set(all_effects())
 
     def names(text: str, option: str) -> list[str]:
@@ -230,8 +229,7 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     left_out = {name for text in without for name in names(text, "--without")}
     if chosen.strip() == "all" and not left_out:
         return "all"
-    whole = sorted(known) if at_ports else chosen_effects("all", kind)
-    kept = whole if chosen.strip() == "all" else names(chosen, "--effects")
+    kept = library_of("all", simulator) if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
         raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")
@@ -241,11 +239,10 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
 def _source(args: argparse.Namespace, log: Any) -> Source:
     from ...report.sections import Source
 
-    logs = args.log if isinstance(args.log, list) else [args.log]
     unnamed = f"the simulator of {_short(args.since)}" if args.since else "the simulator beside it"
-    more = f" and {len(logs) - 1} more" if len(logs) > 1 else ""
+    more = f" and {len(args.log) - 1} more" if len(args.log) > 1 else ""
     return Source(
-        log=f"{_short(logs[0])}{more}",
+        log=f"{_short(args.log[0])}{more}",
         simulator=_short(args.sim) if args.sim else unnamed,
         rows=len(log),
         runs=int(log["trajectory"].nunique()) if "trajectory" in log else 0,

@@ -95,20 +95,17 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _evaluate_simulator(args: argparse.Namespace) -> int:
-    from ...any_simulator import evaluate
-    from ...bench import BenchParameters
-    from ...gap import refit_with_instruments, refit_within_tolerance
-    from ...simulators import Simulator
+    from ...gap import evaluate, refit_with_instruments, refit_within_tolerance
 
     simulator: Any = any_simulator_of(args)
-    said: list[str] = []
-    extra: dict[str, Any] = {} if isinstance(simulator, BenchParameters) else {"kind": simulator.kind}
+    extra: dict[str, Any] = {k: v for k, v in simulator.identity().items() if k == "kind"}
     if args.piece_rows is None:
         log: Any = load_log(args, simulator=simulator)
     else:
         log = load_pieces(args, args.piece_rows, simulator=simulator)
-    if isinstance(simulator, Simulator) and simulator.states_equation and args.piece_rows is None:
-        extra["doubts"] = said = simulator.doubts(log)
+    said = simulator.doubts(log) if args.piece_rows is None else None
+    if said is not None:
+        extra["doubts"] = said
     if args.instruments:
         with progress(args, "Refitting with instruments"):
             found = refit_with_instruments(log, simulator, args.instruments)
@@ -142,13 +139,12 @@ def _evaluate_simulator(args: argparse.Namespace) -> int:
     if args.instruments:
         for name, one in found.estimates.items():
             print(f"{one.sentence(name)}{', beyond its tolerance' if name in found.beyond else ''}")
-    for text in said:
+    for text in said or ():
         note(args, text)
     if "refit" in extra and not extra["refit"]["relative_change"]:
         note(args, "nothing is refitted: no parameter of the simulator has a tolerance")
-    tolerance = getattr(simulator, "tolerance", {})
-    if not args.refit and tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
-        note(args, f"the tolerances of {', '.join(tolerance)} may explain part of this: try --refit")
+    if not args.refit and simulator.tolerance and any(e.rmse > 1.5 * e.noise_floor for e in result.values()):
+        note(args, f"the tolerances of {', '.join(simulator.tolerance)} may explain part of this: try --refit")
     return DONE if result else UNTESTED
 
 

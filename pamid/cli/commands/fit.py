@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...errors import ParameterError
 from .._fitting import (
@@ -30,10 +30,6 @@ from ..common import (
     print_json,
     table,
 )
-
-if TYPE_CHECKING:
-    from ...bench.parameters import BenchParameters
-    from ...systems import System
 
 _DESCRIPTION = """\
 Fit an estimator to a log and save it: force or mass flow of a muscle, force of a cylinder, drive of a joint.
@@ -92,7 +88,6 @@ def run(args: argparse.Namespace) -> int:
     from sklearn.base import clone
 
     from ...persistence import save
-    from ...systems import System
     from .._tables import equation_of, make_estimator, predict_table, score_by_trajectory, settle, signal_table
 
     out = checked_output(args.out, [*args.log, args.sim, args.columns])
@@ -122,7 +117,7 @@ def run(args: argparse.Namespace) -> int:
     known = signals[target.column].notna()
     features, signals = features[known], signals[known]
     speed = features.get("dx", features.get("dq"))
-    settle(estimator, speed, page.unit_of(log.columns) if isinstance(page, System) else "", given)
+    settle(estimator, speed, "" if page is None else page.unit_of(log.columns), given)
     target = equation_of(estimator, args.equation)
     # After a step of rates the estimator sees all that this step gives, as it will when the saved pipeline predicts.
     columns = list(features.columns) if steps else ["trajectory", *_inputs(features, estimator)]
@@ -171,13 +166,13 @@ def run(args: argparse.Namespace) -> int:
     print(table([args.estimator, f"rmse / {target.unit}", "fit / %", "samples"], lines))
     if found:
         print(parameter_lines(found))
-    if (bore := getattr(fitted, "bore_", None)) is not None and isinstance(page, System):
+    if (bore := getattr(fitted, "bore_", None)) is not None and page is not None:
         print(f"the area is that of a bore of {1e3 * bore:.4g} mm; the page says {1e3 * page.number('bore'):.4g} mm")
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
 
 
-def _of_page(page: BenchParameters | System | None) -> str:
+def _of_page(page: Any) -> str:
     """Return the estimator that fits the parameters of a page."""
     if page is None:
         raise ParameterError(
@@ -185,7 +180,7 @@ def _of_page(page: BenchParameters | System | None) -> str:
             "an estimator, or the page of a system, which has one of its own",
             "Add --estimator NAME (pamid compare distinguishes them), or --sim SIM.toml ('pamid init' writes one).",
         )
-    return str(getattr(page, "estimator", "GeometricForce"))
+    return str(page.estimator)
 
 
 def _line(name: str, scores: dict[str, Any]) -> list[str]:

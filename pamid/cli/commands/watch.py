@@ -18,7 +18,6 @@ from .._watched_ports import events_at_ports, note_left_out
 from ..common import add_command
 
 if TYPE_CHECKING:
-    from ...bench.parameters import BenchParameters
     from ...online.stream import Samples
 
 _TARGETS = ("F", "mdot")
@@ -92,7 +91,6 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
     from ...any_simulator import read_simulator
-    from ...bench.parameters import BenchParameters
     from ...online.lines import lines, pipe_lines
 
     if not all(math.isfinite(x) and x > 0 for x in (args.learn, args.interval or 1.0, args.false_alarms)):
@@ -102,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         source = lines(args.stream, follow=args.follow, patience=args.patience)
     simulator = read_simulator(args.sim, trust=args.trust)
-    of_muscles = isinstance(simulator, BenchParameters) or simulator.kind == "muscle"
+    of_muscles = simulator.as_bench() is not None
     if args.columns and of_muscles:
         raise ParameterError(
             "--columns is given for a muscle or a bench.", "samples in SI under pamid's names", "Leave it out."
@@ -118,11 +116,11 @@ def run(args: argparse.Namespace) -> int:
 def _events(args: argparse.Namespace, source: Iterator[bytes | None], simulator: Any) -> Iterator[dict[str, Any]]:
     from ...online.stream import Samples
 
-    params, bench = _numbers(simulator)
+    params = simulator.as_bench()
     samples = Samples(
         ("eps", "P", *_TARGETS), interval=args.interval, convert=lambda row: _one_muscle(row, args.muscle, params)
     )
-    told, watcher, silence = 0, _Watcher(args, params, samples, bench), _Silence()
+    told, watcher, silence = 0, _Watcher(args, params, samples, params is simulator), _Silence()
     for line in source:
         if line is not None:
             for begins, table in samples.take(line):
@@ -145,16 +143,6 @@ def _events(args: argparse.Namespace, source: Iterator[bytes | None], simulator:
             f"more than {args.learn:g} s of samples with time, eps, P and F or mdot in SI",
             "Correct the stream, or learn for less time with --learn.",
         )
-
-
-def _numbers(simulator: Any) -> tuple[BenchParameters, bool]:
-    """Return the numbers of a bench, or of a single muscle, and tell whether there is a bench."""
-    from ...bench.parameters import BenchParameters
-
-    if isinstance(simulator, BenchParameters):
-        return simulator, True
-    own = ("rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature")
-    return BenchParameters.for_muscle("B").replace(**{name: simulator.number(name) for name in own}), False
 
 
 def _one_muscle(row: dict[str, Any], muscle: int, params: Any) -> dict[str, Any]:

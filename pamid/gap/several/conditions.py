@@ -6,9 +6,9 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from ...bench.parameters import NUMBERS, BenchParameters
+from ...bench.parameters import BenchParameters
 from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError, among
 from ...simulators.base import Simulator
 from ...toml_files import TomlErrors, read_small_text
@@ -39,14 +39,10 @@ class Conditions(NamedTuple):
 
     def under(self, simulator: S) -> S:
         """Return the simulator for this log."""
-        if not self.numbers:
-            return simulator
-        if isinstance(simulator, BenchParameters):
-            return simulator.replace(**self.numbers)
-        return simulator.with_(self.numbers)
+        return simulator.with_(self.numbers) if self.numbers else simulator
 
 
-def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dict[str, Conditions]:
+def read_conditions(path: str | Path, simulator: BenchParameters | Simulator | None = None) -> dict[str, Conditions]:
     """Read a table of conditions.
 
     Parameters
@@ -55,8 +51,8 @@ def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dic
         A CSV file with a column ``log`` (name of the log, with or without its ending), and any of ``day`` and the
         numbers of a simulator file in SI units, such as ``temperature`` (K) or ``inertia`` (kg m²). An empty cell
         leaves the simulator's number.
-    simulator : Simulator, optional
-        A simulator with ports, whose parameters in their own units then take the place of a bench's numbers.
+    simulator : BenchParameters or Simulator, optional
+        The simulator; one with ports has parameters in units of its own. By default a bench.
 
     Returns
     -------
@@ -84,13 +80,13 @@ def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dic
         raise MissingColumnError(
             f"{file.name} has the columns {', '.join(header)[:300]}.", "a column 'log'", "Name each row's log."
         )
-    numbers = NUMBERS if simulator is None else tuple(simulator.parameters)
+    about: Any = BenchParameters.for_muscle("B") if simulator is None else simulator
     for k, name in enumerate(header):
-        if name not in ("log", "day", *numbers) or name in header[:k]:
+        if name not in ("log", "day", *about.names) or name in header[:k]:
             raise UnknownOptionError(
                 f"{file.name} has a column "
                 f"'{name}'{', not a simulator parameter' * (name not in header[:k])}{' twice' * (name in header[:k])}.",
-                *among(name, ["log", "day", *numbers], "Correct or remove it."),
+                *among(name, ["log", "day", *about.names], "Correct or remove it."),
             )
     found: dict[str, Conditions] = {}
     stems: set[str] = set()
@@ -105,8 +101,7 @@ def read_conditions(path: str | Path, simulator: Simulator | None = None) -> dic
             )
         stems.add(Path(name).stem)
         found[name] = Conditions(_numbers(cells, file.name, row), cells.get("day", "") or name)
-        if simulator is None and found[name].numbers:
-            BenchParameters.for_muscle("B").replace(**found[name].numbers)  # says which number is out of its range
+        found[name].under(about)  # says which number is out of its range
     return found
 
 

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 from ...errors import ParameterError
 from ...explained import explained_by
-from ...simulators.base import Simulator
 from .conditions import Conditions, conditions_of
 from .history import History
 from .logs import diagnose, runs_of
@@ -75,10 +74,9 @@ def go_on(
                 "Name only the new logs; a different recording needs a different name.",
             )
     held = conditions_of(list(logs), conditions)
-    if history.held and not isinstance(history.simulator, Simulator):
+    if history.held and history.simulator.day_lasts:
         last = list(history.held.values())[-1].day
-        given = {**dict(conditions or {})}
-        held = [c if c.day != name or given else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
+        held = [c if c.day != name or conditions else c._replace(day=last) for name, c in zip(logs, held, strict=True)]
     every, those = {**history.logs, **logs}, {**history.held, **dict(zip(logs, held, strict=True))}
     asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
     held_by = those if asked is every else None

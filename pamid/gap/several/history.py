@@ -122,10 +122,11 @@ class History:
         """Write the basis of a later diagnosis into a folder, which is moved to `home` where that is another one."""
         import pandas as pd
 
-        folder, home = Path(folder), Path(home or folder)
+        folder, home, simulator = Path(folder), Path(home or folder), self.simulator.identity()
+        page = self.page if "kind" in simulator else ""  # a bench is rebuilt from its identity
         state = {
             "schema": SCHEMA,
-            "simulator": {**self.simulator.identity(), **_seen_from(home, page=self.page)},
+            "simulator": {**simulator, **_seen_from(home, page=page)},
             "read": {**_seen_from(home, columns=self.columns), "encoding": self.encoding},
             "library": {name: fingerprint(name) for name in self.library},
             "logs": [

@@ -70,8 +70,7 @@ def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequ
     """Return the evidence of each log, computed in the same way; an error names its log."""
     found: list[PortEvidence] = []
     longest, under = max(logs, key=lambda name: len(logs[name])), [c.under(simulator) for c in held]
-    if simulator.states_equation:
-        under = fitted_together(logs, under)
+    under = fitted_together(logs, under)
     for (name, log), its in zip(logs.items(), under, strict=True):
         with naming(name):
             found.append(evidence_of(log, its, refit=name == longest))

@@ -66,10 +66,10 @@ def _rows(d: Diagnosis, trajectory: str) -> pd.DataFrame | None:
 
 def _columns(d: Diagnosis, run: pd.DataFrame, equation: str) -> list[tuple[str, str]]:
     """Return signals and their columns: those of the simulator's ports, or those that every log of a bench has."""
-    if getattr(d.nominal, "states_equation", True):
+    ports = d.nominal.own_ports if d.nominal is not None else ()
+    named = [(p.name, p.source) for p in ports if p.kind in ("input", "state", "output")]
+    if not ports:
         named = [(c, c) for c in map(str, run.columns) if c != "time" and (c in SIGNALS or c.rstrip("12") in SIGNALS)]
-    else:
-        named = [(p.name, p.column or p.name) for p in d.nominal.ports if p.kind in ("input", "state", "output")]
     there = [(n, c) for n, c in named if c in run and np.isfinite(run[c].to_numpy(dtype=float)).any()]
     if len(there) > _MOST:
         order = telling_ports(of_equation(d, equation))
