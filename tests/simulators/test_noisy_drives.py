@@ -1,4 +1,4 @@
-"""Drives that are fast for the sampling, read with noise: what it does to slopes is no cause, nor is a smoothed speed."""
+"""Fast drives read with noise: neither what noise does to slopes nor a smoothed speed is a cause."""
 
 from __future__ import annotations
 

@@ -32,9 +32,7 @@ def speed_slopes(
     return slopes
 
 
-def typical_slopes(
-    simulator: Simulator, of: Sequence[str], t: np.ndarray, x: np.ndarray, u: np.ndarray
-) -> np.ndarray:
+def typical_slopes(simulator: Simulator, of: Sequence[str], t: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
     """Return the typical slopes of all rates in some states at some instants, shape (n_states, n_of)."""
     p, slopes = spread_numbers(simulator, x.shape[1]), []
     for name in of:
