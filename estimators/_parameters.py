@@ -144,7 +144,8 @@ class TakesFrames:
     """Base of estimators whose methods of X take data frames of other libraries.
 
     Its own methods and those of mixins of this package are wrapped, so none is forgotten; scikit-learn's call them.
-    A warning's ``stacklevel`` counts the wrapper. A method that takes runs requests them from metadata routing.
+    A warning's ``stacklevel`` counts the wrapper. A method that takes runs, or which rows count, requests these from
+    metadata routing.
 
     Parameters
     ----------
@@ -175,8 +176,9 @@ class TakesFrames:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         for name in ("fit", "partial_fit", "predict", "score", "transform"):
-            if name in dir(cls) and "groups" in inspect.signature(getattr(cls, name)).parameters:
-                setattr(cls, f"__metadata_request__{name}", {"groups": True})
+            taken = inspect.signature(getattr(cls, name)).parameters if name in dir(cls) else ()
+            if asked := {key: True for key in ("groups", "where") if key in taken}:
+                setattr(cls, f"__metadata_request__{name}", asked)
         super().__init_subclass__(**kwargs)
         for name in [n for n in dir(cls) if not n.startswith("_")]:
             method = inspect.getattr_static(cls, name)

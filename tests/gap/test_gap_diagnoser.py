@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+import sklearn
 from pamid.estimators import GapDiagnoser
 from sklearn.base import clone
 from sklearn.frozen import FrozenEstimator
@@ -332,3 +333,10 @@ def test_data_that_cannot_be(rubbing):
         fit(table[COLUMNS].assign(p=np.nan), table["F"], groups=table["run"])
     with pytest.raises(TimeOrderError):
         fit(table[COLUMNS].assign(t=-table["t"]), table["F"], groups=table["run"])
+
+
+def test_rows_that_count_are_routed() -> None:
+    """Metadata routing hands on runs and the rows that count, so that a pipeline passes both."""
+    with sklearn.config_context(enable_metadata_routing=True):
+        asked = GapDiagnoser().get_metadata_routing().fit.requests
+    assert asked["groups"] is True and asked["where"] is True
