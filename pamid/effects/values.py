@@ -66,6 +66,8 @@ class Parameter:
     factor : bool, default=False
         Whether 1 plus it multiplies a positive number, which may be wrong by orders of magnitude: steps and intervals
         are those of the logarithm of that factor.
+    points : int, default=0
+        Points of the grid on which its effect is sought; 0 for as many as it is otherwise divided into.
     neutral : bool, default=False
         Whether it counts from the neutral contraction of a muscle, which other systems do not have.
 
@@ -95,6 +97,7 @@ class Parameter:
     spacing: float = 0.0
     refines: bool = False
     factor: bool = False
+    points: int = 0
     neutral: bool = False
 
     def over(self, span: float, speed: float = 0.0) -> Parameter:

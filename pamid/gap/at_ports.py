@@ -21,7 +21,7 @@ from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
-from .simulated import evidence_of, learn, outward, runner
+from .simulated import evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,10 @@ def diagnose_at_ports(
     change: float | None = None,
 ) -> Diagnosis:
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
-    return diagnose_evidence(evidence_of(log, simulator, refit=True), effects, seed, say, change)[0]
+    evidence = evidence_of(log, simulator, refit=True)
+    found = diagnose_evidence(evidence, effects, seed, say, change)[0]
+    other = otherwise(evidence, found, log)
+    return found if other is None else diagnose_evidence(other, effects, seed, say, change)[0]
 
 
 def diagnose_evidence(

@@ -32,7 +32,7 @@ from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE, Spec
 from .residuals.states import measured_states
 from .residuals.tolerances import rms
-from .settings import EXCESS
+from .settings import EXCESS, LEAST_GAIN
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -42,8 +42,13 @@ if TYPE_CHECKING:
 
 
 @np.errstate(all="ignore")  # what is not finite is refused in words
-def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False) -> PortEvidence:
-    """Return the evidence of a log: directly where it holds the states, else by simulating short stretches."""
+def evidence_of(
+    log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False, lines: bool | None = None
+) -> PortEvidence:
+    """Return the evidence of a log: directly where it holds the states, else by simulating short stretches.
+
+    Inputs are held or go in lines from row to row, whichever explains more, unless `lines` says so.
+    """
     from .one_equation import stated
     from .residuals.choice import BY_POSITION, PREDICTED_IF, better_derived, motion_is_hidden, sign_may_be_lost
     from .residuals.shooting import ShootingEvidence
@@ -56,9 +61,12 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
     tell_unit_doubts(simulator, at_ports)
     derived = measured_states(simulator, at_ports)
 
+    def in_lines(found: PortEvidence) -> bool:
+        return found.lines_explain_more() if lines is None else lines
+
     def predicted(longest: int = 0) -> ShootingEvidence:
         found = ShootingEvidence(at_ports, simulator, refit=refit, longest=longest)
-        if found.lines_explain_more():
+        if in_lines(found):
             return ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest)
         return found
 
@@ -69,8 +77,9 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
         by_position = DirectEvidence(at_ports, simulator, {**derived, **better}, refit)
         if not motion_is_hidden(by_position):
             found, derived = by_position, by_position.derived
-    if found.lines_explain_more():
-        found = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
+    if in_lines(found):
+        other = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
+        found = other if lines or other.base_loglik() > found.base_loglik() else found
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
@@ -82,6 +91,32 @@ def evidence_of(log: pd.DataFrame, simulator: Simulator, refit: bool = False, si
                 return predicted(longest)
             found.notes.append(note)
     return found
+
+
+def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> PortEvidence | None:
+    """Return the evidence with inputs in lines instead of held, or the reverse, if that explains as much with less.
+
+    Which it is was asked before the causes were known, and a large gap says little of what happens within a sample.
+    Where the other one needs one cause at an input less, such as a delay of half a sample, or explains more, it is so.
+    """
+    from .inference.gauss_newton import Fitter
+
+    if not isinstance(evidence, DirectEvidence) or evidence.simulator.form != "ode" or not found.added:
+        return None
+    spec = {}
+    for cause in found.added:
+        key = "@".join([cause.effects[0], *cause.where[:1]])
+        spec[key] = evidence.placements[key].inward({k: p.value for k, p in cause.parameters.items()})
+    other = evidence_of(log, evidence.given, evidence.refit, lines=not evidence.lines)
+    if type(other) is not type(evidence) or other.parts != evidence.parts:
+        return None
+    other.weights = evidence.weights
+    here, there = Fitter(evidence).refine(spec).loglik, Fitter(other)
+    at_inputs = [k for k in spec if evidence.placements[k].at in evidence.simulator.inputs]
+    as_much = any(
+        there.refine({k: v for k, v in spec.items() if k != one}).loglik > here - LEAST_GAIN for one in at_inputs
+    )
+    return other if as_much or there.refine(spec).loglik > here + LEAST_GAIN else None
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

@@ -13,10 +13,12 @@ from ..settings import CERTAIN, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, O
 from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
-from .sensitivity import Template, has_form
+from .sensitivity import POINTS, Template, grid, has_form
 from .so_far import INTERRUPTED, causes_so_far, in_words, stopped
 from .subsets import Subset, Subsets
 
+NEARBY = 2.0
+"""Factor within which the points of a fine grid are tried again: an octave of a resonance."""
 ROUNDS = 3
 """Most restarts of the search from a set found at its end."""
 LARGE = 4
@@ -170,7 +172,7 @@ class Competition(FirstOrder):
     def _settled(self, best: Hypothesis) -> tuple[Hypothesis, dict[str, list[Hypothesis]]]:
         """Return the best set near one, with possible replacements of its causes."""
         for left in reversed(range(ROUNDS)):
-            best = self._pruned(self._merged(self._improved(best)))
+            best = self._pruned(self._merged(self._restarted(self._improved(best))))
             if best.fit.spec:
                 best = max(best, self.hypothesis(self.fitter.refine(best.fit.spec, near=best.fit.x)), key=self._ranked)
                 self._done[best.names] = best
@@ -186,6 +188,19 @@ class Competition(FirstOrder):
             best = certain
             alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
         return best, alternatives
+
+    def _restarted(self, best: Hypothesis) -> Hypothesis:
+        """Return a set refitted from nearby points of the fine grids: between some of them an effect turns its sign."""
+        for name, p in slots_of(self.evidence.effects, best.fit.spec):
+            if p.points <= POINTS[1]:
+                continue
+            values, x = best.fit.spec[name], best.fit.x
+            for v in grid(self.evidence.reached(p), 1):
+                if 1.0 / NEARBY < v / values[p.name] < NEARBY:
+                    spec = {**best.fit.spec, name: {**values, p.name: float(v)}}
+                    best = max(best, self.hypothesis(self.fitter.refine(spec, near=x)), key=self._ranked)
+        self._done[best.names] = best
+        return best
 
     def _tell(self, best: Hypothesis) -> None:
         """Report the best set so far where it has changed."""

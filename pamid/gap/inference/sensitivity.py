@@ -15,7 +15,7 @@ from .student_t import loglik
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
-_POINTS = {1: 6, 2: 4}
+POINTS = {1: 6, 2: 4}
 """Points of the grid by the number of nonlinear parameters; more than two get three each."""
 PEAKS = 4
 """Periods that compete: a search among sets costs a power of their number, and a sine is not explained by others."""
@@ -143,7 +143,7 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
         return [p.nominal]
     if p.idle or p.idle_below:  # what counts is how far within
         end, inward = (p.lower, 1.0) if p.idle_below else (p.upper, -1.0)
-        within = np.geomspace(abs(end - p.nominal) / _REACH, p.upper - p.lower, _POINTS[1])
+        within = np.geomspace(abs(end - p.nominal) / _REACH, p.upper - p.lower, POINTS[1])
         return np.clip(end + inward * within, p.lower, p.upper).tolist()
     if p.spacing:
         return np.arange(p.lower, p.upper, p.spacing).tolist()
@@ -152,7 +152,9 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     if p.nominal == 0.0 or p.share:
         return [0.0, p.upper]
     low, high = max(p.lower, p.nominal / _REACH), min(p.upper, p.nominal * _REACH)
-    points = _POINTS.get(n_nonlinear, 3)
+    if p.points:
+        return np.geomspace(low, high, p.points + 2)[1:-1].tolist()
+    points = POINTS.get(n_nonlinear, 3)
     return np.geomspace(low, high, points if high > 3.0 * low or n_nonlinear == 1 else 2).tolist()
 
 

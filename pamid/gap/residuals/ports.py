@@ -156,6 +156,10 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         held, lines = (solve(z, self.J, low, high, self.parts, self.weights).loglik for z in (self.z0, z1))
         return lines > held + LEAST_GAIN
 
+    def base_loglik(self) -> float:
+        """Return the likelihood of the log without any cause."""
+        return solve(self.z0, self.J, *self.ends, self.parts, self.weights).loglik
+
     @abstractmethod
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
