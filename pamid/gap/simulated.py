@@ -101,7 +101,9 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
     """
     from .inference.gauss_newton import Fitter
 
-    if not isinstance(evidence, DirectEvidence) or evidence.simulator.form != "ode" or not found.added:
+    simulator = evidence.simulator
+    direct = isinstance(evidence, DirectEvidence) and simulator.form == "ode"
+    if not direct or simulator.one_by_one or not found.added:  # one by one it would take too long
         return None
     spec = {}
     for cause in found.added:
@@ -112,7 +114,7 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
         return None
     other.weights = evidence.weights
     here, there = Fitter(evidence).refine(spec).loglik, Fitter(other)
-    at_inputs = [k for k in spec if evidence.placements[k].at in evidence.simulator.inputs]
+    at_inputs = [k for k in spec if evidence.placements[k].at in simulator.inputs]
     as_much = any(
         there.refine({k: v for k, v in spec.items() if k != one}).loglik > here - LEAST_GAIN for one in at_inputs
     )
