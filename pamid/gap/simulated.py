@@ -78,8 +78,8 @@ def evidence_of(
         if not motion_is_hidden(by_position):
             found, derived = by_position, by_position.derived
     if in_lines(found):
-        other = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
-        found = other if lines or other.base_loglik() > found.base_loglik() else found
+        straight = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
+        found = straight if lines or straight.base_loglik() > found.base_loglik() else found
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other

@@ -151,10 +151,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         """
         if self.lines or self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
             return False
-        low, high = self.ends
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
-        held, lines = (solve(z, self.J, low, high, self.parts, self.weights).loglik for z in (self.z0, z1))
-        return lines > held + LEAST_GAIN
+        return solve(z1, self.J, *self.ends, self.parts, self.weights).loglik > self.base_loglik() + LEAST_GAIN
 
     def base_loglik(self) -> float:
         """Return the likelihood of the log without any cause."""
