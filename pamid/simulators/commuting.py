@@ -1,4 +1,4 @@
-r"""Faults of a command that are equivalent to the same fault of a reading: linear paths from one to the other.
+r"""Faults of a command that are equivalent to the same fault of a reading: the paths from one to the other.
 
 Linear time-invariant systems commute: a lag, delay or gain before a plant G acts on the reading y = G u
 as the same one after it,
@@ -6,7 +6,7 @@ as the same one after it,
 .. math:: y = H\,(G\,u) = G\,(H\,u)
 
 as long as that input moves only this reading, and no other input moves it. A gain does so where nothing constant, such
-as a weight, acts beside the input.
+as a weight, acts beside the input. A delay commutes with any system that is the same at any time.
 """
 
 from __future__ import annotations
@@ -57,11 +57,34 @@ def rests(simulator: Simulator, t: np.ndarray, u: np.ndarray, driven: Collection
     return all(float(np.max(np.abs(a))) <= 1e-9 * float(np.max(np.abs(b))) for a, b in (at, shown))
 
 
-def twins_of(placements: Mapping[str, Placement], paths: Mapping[str, str], alone: bool) -> dict[str, str]:
-    """Return the effects at ports that are equivalent on linear paths, each by the other's name."""
-    found = {}
+def delayed_path(
+    simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, driven: Collection[str], read: Collection[str]
+) -> dict[str, str]:
+    """Return the only reading of the only input that moves, unless time itself changes what follows from it.
+
+    Whatever the simulator does in between, linear or not, it does so later by the same time.
+    """
+    shown = [name for name in (*simulator.states, *simulator.outputs) if name in read]
+    if len(driven) != 1 or len(shown) != 1:
+        return {}
+    p, at = spread_numbers(simulator, len(t)), (t, t + float(np.ptp(t)))
+    what = [simulator.rate, simulator.output] if simulator.outputs else [simulator.rate]
+    alike = all(np.array_equal(*(says(when, x, u, p) for when in at), equal_nan=True) for says in what)
+    return dict(zip(driven, shown, strict=True)) if alike else {}
+
+
+def twins_of(
+    placements: Mapping[str, Placement], simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray,
+    driven: Collection[str], read: Collection[str],
+) -> dict[str, str]:  # fmt: skip
+    """Return the effects at ports that are equivalent, each by the other's name."""
+    found, words = {}, LINEAR[1:]
+    if paths := commuting_paths(simulator, t, x, u, driven, read):
+        words = LINEAR if rests(simulator, t, u, driven) else words
+    else:
+        paths, words = delayed_path(simulator, t, x, u, driven, read), ("delay",)
     for entry, reading in paths.items():
-        for word in LINEAR if alone else LINEAR[1:]:
+        for word in words:
             pair = f"actuator_{word}@{entry}", f"sensor_{word}@{reading}"
             if all(key in placements for key in pair):
                 found[pair[0]], found[pair[1]] = pair[1], pair[0]

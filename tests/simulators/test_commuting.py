@@ -8,7 +8,7 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.simulators import FunctionSimulator, Port
-from pamid.simulators.commuting import commuting_paths, rests
+from pamid.simulators.commuting import commuting_paths, delayed_path, rests
 
 STEP = 0.01
 
@@ -65,3 +65,32 @@ def test_a_gain_commutes_where_no_weight_acts_beside_its_input() -> None:
         drone = FunctionSimulator(lambda t, x, u, p: [x.v, u.u - p.g - x.v], ports, {"g": weight})
         assert rests(drone, t, u, ["u"]) == (weight == 0.0)
         assert not rests(drone, t, u, [])  # an input that stands still is a weight, too
+
+
+def test_a_delay_commutes_with_any_simulator_that_is_the_same_at_any_time() -> None:
+    """A squared loss is the same later; a loss that grows with time is not, and of two readings one may be late."""
+    rng = np.random.default_rng(0)
+    x, u, t = rng.uniform(-1, 1, (1, 50)), rng.uniform(-1, 1, (1, 50)), np.arange(50.0)
+    assert delayed_path(heater(0.2), t, x, u, ["u"], {"u", "y"}) == {"u": "y"}
+    ports = [Port("u", "input", "V"), Port("y", "state", "K")]
+    ageing = FunctionSimulator(lambda t, x, u, p: [2.5 * u.u - (1.0 + 0.1 * t) * x.y], ports, {})
+    assert delayed_path(ageing, t, x, u, ["u"], {"y"}) == {}
+    assert delayed_path(heater(0.2), t, x, u, ["u", "w"], {"y"}) == {}
+
+
+def test_a_late_reading_of_a_nonlinear_plant_is_one_class_with_a_late_command() -> None:
+    rng, runs = np.random.default_rng(3), []
+    for run in range(3):
+        u, y, past = np.repeat(rng.uniform(0.0, 4.0, 40), 15), 0.0, [0.0] * 5
+        for command in u:
+            past.append(y)
+            runs.append((str(run), command, past[-6]))
+            for _ in range(20):
+                y += STEP / 20 * (2.5 * command - y - 0.2 * y**2) / 0.3
+    log = pd.DataFrame(runs, columns=["trajectory", "u", "y"])
+    log = log.assign(
+        time=STEP * log.groupby("trajectory").cumcount(), y=log["y"] + 0.03 * rng.standard_normal(len(log))
+    )
+    [cause] = diagnose_simulator(log, heater(0.2), "all").causes
+    assert {*zip(cause.effects, cause.where, strict=True)} >= {("actuator_delay", "u"), ("sensor_delay", "y")}
+    assert cause.parameters["delay"].value == pytest.approx(5 * STEP, rel=0.1)

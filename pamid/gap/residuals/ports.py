@@ -19,7 +19,7 @@ from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
 from ...simulators.catalogue import chosen, port_effects
-from ...simulators.commuting import commuting_paths, rests, twins_of
+from ...simulators.commuting import twins_of
 from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
@@ -224,15 +224,14 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
             )
 
     def _twins(self) -> dict[str, str]:
-        """Return the faults of commands and readings that commute with a linear simulator between them."""
+        """Return the faults of commands and readings that commute with the simulator between them."""
         if self.simulator.form != "ode" or not self.simulator.inputs:
             return {}
         log, some = self.log, some_instants(self.log.n)
         signals = self.signals()
         x, u = (np.array([signals[n][some] for n in names]) for names in (self.simulator.states, self.simulator.inputs))
         driven = [n for n in self.simulator.inputs if np.ptp(signals[n]) > 0.0]
-        paths = commuting_paths(self.simulator, log.t[some], x, u, driven, set(log.channels))
-        return twins_of(self.placements, paths, bool(paths) and rests(self.simulator, log.t[some], u, driven))
+        return twins_of(self.placements, self.simulator, log.t[some], x, u, driven, set(log.channels))
 
     def _refuse_nowhere(self, name: str, where: str) -> None:
         """Raise if one of the simulator's own effects is at an unknown port."""
