@@ -19,9 +19,8 @@ from .base import Simulator
 from .placement import Placement
 from .structure import spread_numbers
 
-LINEAR = ("gain", "lag", "delay")
-"""Linear, time-invariant faults of commands and readings: ``actuator_lag``,
-``sensor_lag``."""
+LINEAR: tuple[str, ...] = ("gain", "lag", "delay")
+"""Linear, time-invariant faults of commands and readings: ``actuator_lag``, ``sensor_lag``."""
 
 
 def commuting_paths(
@@ -67,9 +66,9 @@ def delayed_path(
     shown = [name for name in (*simulator.states, *simulator.outputs) if name in read]
     if len(driven) != 1 or len(shown) != 1:
         return {}
-    p, at = spread_numbers(simulator, len(t)), (t, t + float(np.ptp(t)))
+    p, later = spread_numbers(simulator, len(t)), t + float(np.ptp(t))
     what = [simulator.rate, simulator.output] if simulator.outputs else [simulator.rate]
-    alike = all(np.array_equal(*(says(when, x, u, p) for when in at), equal_nan=True) for says in what)
+    alike = all(np.array_equal(says(t, x, u, p), says(later, x, u, p), equal_nan=True) for says in what)
     return dict(zip(driven, shown, strict=True)) if alike else {}
 
 
@@ -78,7 +77,8 @@ def twins_of(
     driven: Collection[str], read: Collection[str],
 ) -> dict[str, str]:  # fmt: skip
     """Return the effects at ports that are equivalent, each by the other's name."""
-    found, words = {}, LINEAR[1:]
+    found: dict[str, str] = {}
+    words = LINEAR[1:]
     if paths := commuting_paths(simulator, t, x, u, driven, read):
         words = LINEAR if rests(simulator, t, u, driven) else words
     else:
