@@ -37,7 +37,7 @@ class Resonance(Effect):
     n_states = 2
     parameters = (
         Parameter("mass", "N s^2", 0.0, 1e6, 0.1, "mass on the spring", linear=True, position=-1),
-        Parameter("frequency", "rad/s", 3.0, 3e3, 60.0, "natural frequency of that mass alone", points=12),
+        Parameter("frequency", "rad/s", 3.0, 3e3, 60.0, "natural frequency of that mass alone", points=8),
         Parameter("damping", "-", 0.005, 0.99, 0.1, "damping ratio of that mass alone", points=2),
     )
     mass: float
