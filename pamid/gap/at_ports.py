@@ -41,7 +41,10 @@ def diagnose_at_ports(
     evidence = evidence_of(log, simulator, refit=True)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
     other = otherwise(evidence, found, log)
-    return found if other is None else diagnose_evidence(other, effects, seed, say, change)[0]
+    if other is None:
+        return found
+    say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
+    return diagnose_evidence(other, effects, seed, say, change)[0]
 
 
 def diagnose_evidence(

@@ -83,6 +83,7 @@ def test_numbers_that_compensate_each_other_follow_the_noise_together() -> None:
     found = evidence_of(log, simulator)
     assert isinstance(found, ShootingEvidence)
     assert max(s.stop - s.first for s in found.stretches) <= SHORT + 1
+    assert found.how.endswith("since noise in the logged states would bias parameters")
 
 
 def test_a_speed_as_read_is_compared_with_the_position_and_not_with_its_smoothed_rate() -> None:

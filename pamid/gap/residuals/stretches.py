@@ -124,7 +124,10 @@ class StretchEvidence(PortEvidence):
         length = max(s.stop - s.first for s in self.stretches)
         whole = length >= max(b - a for a, b in self.log.spans)
         pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
-        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, since the log lacks states"
+        held = self.simulator.form == "ode" and all(name in self.log.channels for name in self.simulator.states)
+        noisy = "since noise in the logged states would bias parameters" if self.longest else "not of the logged states"
+        why = noisy if held else "since the log lacks states"
+        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, {why}"
 
     def _cut(self, length: int) -> list[Segment]:
         found = []
