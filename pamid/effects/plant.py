@@ -141,7 +141,7 @@ class Plant:
 class Surroundings:
     """Numbers that effects may use of a system without a bench: the ambient pressure.
 
-    A leak's conductance is then that of an equivalent valve orifice.
+    A leak of gas is that of an equivalent valve orifice; of anything else it is the share that is lost each second.
 
     Parameters
     ----------
@@ -157,8 +157,12 @@ class Surroundings:
 
     atmospheric_pressure: float = 0.0
     critical_pressure_ratio: ClassVar[float] = 0.5
-    reference_density: ClassVar[float] = 1.185
     initial_contraction: ClassVar[None] = None
+
+    @property
+    def reference_density(self) -> float:
+        """Density of air, kg/m³; 1 where no gas is stored."""
+        return REFERENCE_DENSITY if self.atmospheric_pressure else 1.0
 
     def __getattr__(self, name: str) -> Any:
         if name.startswith("__"):

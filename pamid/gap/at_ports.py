@@ -19,6 +19,8 @@ from .readings import settled
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
+from .residuals.protocol import Spec
+from .residuals.shooting import ShootingEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
 from .simulated import evidence_of, learn, otherwise, outward, runner
@@ -27,6 +29,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from .several.stacked import StackedEvidence
+
+
+DROWNED = "Readings were predicted: undoing a fault of one in the equations would drown the rest in its noise."
+
+
+class DrownedError(Exception):
+    """Undoing a fault of a reading amplifies its noise beyond what the equations can judge."""
 
 
 def diagnose_at_ports(
@@ -74,18 +83,31 @@ def diagnose_evidence(
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, log.n))
-        found = explain(
-            evidence,
-            library,
-            np.random.RandomState(seed),
-            notes,
-            say,
-            searched,
-            known.templates,
-            known.interrupted,
-            runner(searched),
-            change,
-        )
+
+        def heed(spec: Spec) -> None:
+            predictable = simulator.form == "ode" and not simulator.one_by_one
+            if predictable and isinstance(searched, DirectEvidence) and searched.drowns(spec):
+                raise DrownedError
+
+        try:
+            found = explain(
+                evidence,
+                library,
+                np.random.RandomState(seed),
+                notes,
+                say,
+                searched,
+                known.templates,
+                known.interrupted,
+                runner(searched),
+                change,
+                heed,
+            )
+        except DrownedError:
+            say("once more by predictions, since undoing a fault of a reading amplifies its noise")
+            predicted = ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines)
+            predicted.notes.append(DROWNED)
+            return diagnose_evidence(predicted, effects, seed, say, change)
     return told(found, evidence), known.learned
 
 

@@ -21,7 +21,7 @@ from .inference.so_far import alone_so_far, stopped
 from .inference.stepped import with_steps
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
-from .residuals.protocol import ResidualSource
+from .residuals.protocol import ResidualSource, Spec
 from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
 
 if TYPE_CHECKING:
@@ -83,11 +83,13 @@ def explain(
     interrupted: bool = False,
     run: Run | None = None,
     change: float | None = None,
+    heed: Callable[[Spec], None] = lambda _: None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
     Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
-    `change`, runs that disagree about an effect raise `RunsDifferError`.
+    `change`, runs that disagree about an effect raise `RunsDifferError`. `heed` is told the best set of effects, and
+    may raise where this evidence cannot judge it.
     """
     from threadpoolctl import threadpool_limits
 
@@ -105,6 +107,7 @@ def explain(
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
         if run is not None:
             outcome = by_running(competition, outcome, run)
+        heed(outcome.best.fit.spec)
         verdict = decide(competition, outcome, random_state)
         say("measure the closure")
         return answer(evidence, competition, verdict, notes, random_state, say)

@@ -40,6 +40,7 @@ _NOTHING = 0.02  # share closed that is not worth a name
 _ALLOWED = {
     "timing": "when {} acts within a sample",
     "bend": "how {} goes from row to row",
+    "start": "what {} was before the log began",
     "drive": "how {} moves within a sample",
     "skew": "the time between {} and its position, within a sample",
     "offset": "a small offset at {}",

@@ -11,8 +11,11 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects import Effect, Parameter, all_effects
+from ..effects.base import FlowTerm, Signals
+from ..effects.leakage import Leakage
 from ..effects.output_saturation import OutputSaturation
 from ..effects.overflow import Overflow
+from ..effects.plant import Plant
 from ..errors import UnknownOptionError
 from ..signals.state import Array
 from ..signals.units import UNITS, Unit
@@ -31,6 +34,8 @@ _TOP = 5e5
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
+EDGE = 0.02
+"""Share of a level's range within which it may be off zero, and its overflow off its ends."""
 NEAR_END = 1e-3
 """Accuracy of the end of a sensor's range, as a share of it."""
 
@@ -46,6 +51,32 @@ class PortOverflow(Overflow):
         Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
     )
     returned: float
+
+
+class PortLeakage(Leakage):
+    r"""Loss of what is stored: through a narrow gap or a resistance in proportion to it, through a hole to its root.
+
+    .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n, \qquad \tfrac12 \le n \le 1
+
+    with one unit of the port for :math:`x_1`; of a gas as in `Leakage`.
+
+    References
+    ----------
+    F. M. White, "Fluid Mechanics", 7th ed., McGraw-Hill, 2011, sections 3.5 (Torricelli) and 6.4 (laminar flow).
+    """
+
+    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
+        *Leakage.parameters,
+        Parameter("exponent", "-", 0.5, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole"),
+    )
+    exponent: float
+    unit_size: ClassVar[float] = 1.0
+    """Size of one unit of the port, Pa."""
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
+        """Return what leaks."""
+        a, b = super().flow(s, x, plant)
+        return FlowTerm(a if self.exponent == 1.0 else a * (s.pressure / self.unit_size) ** (self.exponent - 1.0), b)
 
 
 class ReadingRange(OutputSaturation):
@@ -118,7 +149,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
             found.setdefault(name, ("joint", effect))
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
-    found["overflow"] = ("chamber", PortOverflow)
+    found |= {"overflow": ("chamber", PortOverflow), "leakage": ("chamber", PortLeakage)}
     found["sensor_saturation"] = ("output", ReadingRange)
     found |= {name: ("link", effect) for name, effect in LAWS.items()}
     found |= {name: ("joint", effect) for name, effect in STOPS.items()}
@@ -209,6 +240,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
         if joint.through:
             size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
+        size /= joint.lever.typical if joint.lever else 1.0
         follows = {"position": joint.position or f"{joint.name}.path", "velocity": joint.velocity}
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
         for name, (kind, effect) in port_effects().items():
@@ -230,6 +262,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 range_of=span / scale, speed=scales.speed(survey.spans.get(joint.velocity, 0.0)),
                 interval=survey.interval,
             )  # fmt: skip
+            made = replace(made, lever=joint.lever)
             if name in STOPS:
                 low = survey.lows[joint.position] / scale
                 made = replace(made, effect=STOPS[name].within(low, low + span / scale))
@@ -260,7 +293,10 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if kind == "chamber" and found_effect.domain == domain:
                 effect, into = found_effect, ""
                 head = _head(simulator.port(state).unit, survey, state)
+                signed = survey.lows.get(state, 0.0) < -EDGE * span  # no level, but a current, say
                 scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **head)
+                if effect_name == "overflow" and signed:
+                    continue
                 if effect_name == "overflow":
                     fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
                     low = survey.lows[state]
@@ -268,6 +304,9 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                     into = "" if through else survey.feeds.get(state, "")
                 enters, at = ("input", through) if through else ("state", state)
                 hidden = () if into else ("returned",)
+                if effect_name == "leakage":
+                    effect = narrowed(effect, unit_size=head["pressure"])
+                    hidden = ("exponent",) if signed or "ambient" in head else ()
                 leak = placed(
                     effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
                     simulator.port(state).unit, hidden,
@@ -282,7 +321,7 @@ def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: f
     changed = []
     for p in effect.parameters:
         if p.name == "level":
-            edge = 0.02 * (high - low)
+            edge = EDGE * (high - low)
             p = replace(p, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
         if p.name == "coefficient":
             p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))

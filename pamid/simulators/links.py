@@ -14,12 +14,16 @@ from ..remembered import Remembered
 from ..signals.units import UNITS
 from .base import Simulator
 from .between import Between, ends_of
+from .damped import levers_of
 from .dimensions import unit_powers
+from .lever import Lever
 from .reciprocity import MOSTLY, SAME, Slopes, SomeInstants, factor_of, slopes
 from .structure import JointPort, rate_unit, spread_numbers
 
 _FORCES = ("N", "N m")
 _KEPT = 4
+FAR = 100.0
+"""Steps of a slope over which it is asked how the slope itself changes."""
 MOST_STATES = 40
 """Number of states above which only named pairs are used, since finding pairs probes every state."""
 
@@ -166,9 +170,11 @@ def links_of(
             said.append(Between(*both))
     found = [_sized_by(_said(simulator, b, ends, known), simulator, (t, x, u)) for b in said]
     taken = [{link.first.port, link.second.port} for link in found]
+    levers = {lever.velocities: lever for lever in levers_of(simulator, joints, t, x, u)} if known is not None else {}
     for a, b in itertools.combinations(ends, 2) if known is not None else ():
         if {a.port, b.port} not in taken and _alike(a, b):
             link = _coupled(known, Between(a.port, b.port), a, b)  # type: ignore[arg-type]
+            link = link or _levered(levers.get((a.state, b.state)), a, b)
             found += [_sized_by(link, simulator, (t, x, u))] if link is not None else []
     return found
 
@@ -306,6 +312,19 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
     return Link(b.name, first, second, ratio, unit, lambda t, x, u, p: scaled, values[0], values[1])
 
 
+def _levered(lever: Lever | None, first: LinkEnd, second: LinkEnd) -> Link | None:
+    """Return two joints of a mechanism with a damper between them."""
+    if lever is None:
+        return None
+    rows = [lever.simulator.states.index(end.state) for end in (first, second)]
+
+    def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        one, two = lever.rates(t, x, u, p)[rows]
+        return one, -two
+
+    return Link(f"{first.port} and {second.port}", first, second, 1.0, lever.unit, shares)
+
+
 def _lever(rows: Sequence[Any], said: float | None) -> float | None:
     """Return the ratio of the travels of two ends, from their influence on both rates; None where none fits."""
     here, there, own, other = rows[0]
@@ -337,13 +356,18 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
     else:
         return None
     rows = [simulator.states.index(s) for s in (first.state, second.state, piston)]
-    mass = known.mass(piston, first.state)
+    mass, gas = known.mass(piston, first.state), _gas(known, first.state, piston)
     factors = [factor_of(first.unit), factor_of(second.unit)]
 
     def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         J = slopes(simulator, SomeInstants(t, x, u, at.step), rows)
-        one, two = (-J[rows[k], 2] / J[rows[2], k] for k in (0, 1))
-        return one, two
+        fills = J[rows[:2], 2]
+        if gas:  # what a piston displaces counts by its pressure, so that the slope over it is that of a flow
+            moved, far = x.copy(), FAR * at.step
+            moved[rows[:2]] += far[rows[:2], None]
+            fills = slopes(simulator, SomeInstants(t, moved, u, at.step), rows[2:])[rows[:2], 0] - fills
+            fills = fills / (far[rows[:2]] * factors)[:, None]
+        return -fills[0] / J[rows[2], 0], -fills[1] / J[rows[2], 1]
 
     size = 1.0 / mass[0] if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u)[0])) * factors[0]
 
@@ -356,7 +380,9 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
     def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         return kept.get(hash((x.tobytes(), u.tobytes())), lambda: make(t, x, u))
 
-    unit = "m^3/s" if mass is not None else rate_unit(simulator, first.state)
+    unit = rate_unit(simulator, first.state)
+    if mass is not None:
+        unit = "Pa m^3/s" if gas else "m^3/s"
     return Link(b.name, first, second, 1.0, unit, shares)
 
 
@@ -367,7 +393,7 @@ def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
         return False
     fills, empties, pushes, holds = (f for f in found if f is not None)
     signs = (fills * pushes < 0.0) & (empties * holds < 0.0) & (pushes * holds < 0.0)
-    return bool(np.mean(signs) > MOSTLY) and not _gas(known, first, piston)
+    return bool(np.mean(signs) > MOSTLY)
 
 
 def _gas(known: Slopes, level: str, piston: str) -> bool:
@@ -375,7 +401,7 @@ def _gas(known: Slopes, level: str, piston: str) -> bool:
     names, at = known.simulator.states, known.at
     i, k = names.index(level), names.index(piston)
     x = at.x.copy()
-    x[i] += 100.0 * at.step[i]
+    x[i] += FAR * at.step[i]
     there = slopes(known.simulator, at._replace(x=x), [k])[i, 0]
     return bool(np.median(np.abs(there / known.J[i, k] - 1.0)) > 10.0 * SAME)
 

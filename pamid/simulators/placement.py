@@ -13,6 +13,7 @@ from ..effects.plant import Surroundings
 from ..effects.values import checked_value
 from .base import Simulator
 from .dimensions import unit_powers
+from .lever import Lever
 from .links import Link
 
 
@@ -66,6 +67,8 @@ class Placement:
     """Units of its parameters."""
     into: str = ""
     """For a loss from a chamber: the state that gets the ``returned`` share of it; empty where none does."""
+    lever: Lever | None = None
+    """For a force in a mechanism without an input there, how all of it responds."""
     link: Link | None = None
     """For an effect between two ports, both: it follows their differences, and acts on both."""
     also: Mapping[str, str] = field(default_factory=dict)
@@ -168,13 +171,13 @@ class Placement:
             if hook in hooks:
                 total = total + getattr(made, hook)(s, x, self.plant)
         if "flow" in hooks:
-            # A bench counts what must flow in, other systems what is stored: at a port it is always a loss.
-            if self.link is None:
-                total = total - np.abs(made.flow(s, x, self.plant)[0])
-            else:  # it goes from the fuller end to the other, whichever that is
-                above = s.pressure - self.scales.offset
-                passes = made.flow(s.with_(pressure=self.scales.offset + np.abs(above)), x, self.plant)[0]
-                total = total - np.sign(above) * np.abs(passes)
+            # A bench counts what must flow in, other systems what is stored: at a port it is always a loss. Between
+            # two ports it goes from the fuller end to the other, whichever that is, and so it does where below zero
+            # something is stored, too, such as a current.
+            above = s.pressure - self.scales.offset
+            sign = 1.0 if self.link is None and (self.scales.offset or self.scales.ambient) else np.sign(above)
+            beyond = s.pressure if np.ndim(sign) == 0 else self.scales.offset + np.abs(above)
+            total = total - sign * np.abs(made.flow(s.with_(pressure=beyond), x, self.plant)[0])
         return total * self.scales.target
 
     def sources(self) -> set[str]:
@@ -191,6 +194,8 @@ class Placement:
             self.link.push(force, simulator, at, u, added)
         elif self.enters == "input":
             u[simulator.inputs.index(self.at)] += force
+        elif self.lever is not None:
+            added[: len(simulator.states)] += self.lever.rates(*at) * force
         else:
             added[simulator.states.index(self.at)] += force
             if self.into:

@@ -40,9 +40,10 @@ def placed(
             powers_of = unit_powers(p.unit)
             if hook == "flow" and target == "kg/s" and signal in PASCAL:
                 words = {"Pa": signal}  # the library's units are those of a mass flow under a pressure
-            elif hook == "flow":  # the rate is in what flows out per second
+            elif hook == "flow":  # the rate is in what flows out per second, be it by mass or by volume
                 words |= {"Pa": signal}
-                powers_of = {**powers_of, "s": powers_of.get("s", 0) + powers_of.get("kg", 0)}
+                flows = powers_of.pop("kg", 0) + powers_of.pop("m", 0) // 3
+                powers_of |= {"kg": flows, "s": powers_of.get("s", 0) + flows}
             turns = p.unit != "rad/s"  # of a frequency it is no angle of the joint
             plain = [(words.get(w, w) if turns else w.replace("rad", "-"), n) for w, n in powers_of.items() if n]
         units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from ..errors import ParameterError
 from ..signals.units import UNITS
 from .base import Simulator
+
+if TYPE_CHECKING:
+    from .lever import Lever
 
 _SOME = 200
 """Instants at which a simulator's structure is probed."""
@@ -31,6 +34,8 @@ class JointPort(NamedTuple):
     """Input that forces there act like; empty where they add to the rate of the velocity."""
     unit: str
     """Unit of those forces."""
+    lever: Lever | None = None
+    """How the whole mechanism responds to them; None where they act on this joint alone, or through an input."""
 
 
 def kinematic_pairs(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> dict[str, str]:

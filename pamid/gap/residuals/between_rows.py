@@ -18,8 +18,8 @@ from .protocol import Active
 PIECES = 8
 """Pieces of a step in which what effects make of a held input is followed: the mean of a lag of half a step is exact to
 2e-3."""
-TIMINGS = "timing", "bend"
-"""What is not known of an input within a sample."""
+TIMINGS = "timing", "bend", "start"
+"""What is not known of an input: when and how it acts within a sample, and what it was before a run."""
 STEPS = "step of the integrator"
 """Name of the parameter: 0 for no step, 1 for one as long as a sample."""
 OWN_STEP = "step of the model"
@@ -50,33 +50,54 @@ def drawn(u: np.ndarray, starts: np.ndarray, substeps: int) -> np.ndarray:
     return out
 
 
-def driven(place: Placement, made: Effect, u: np.ndarray, log: PortLog, held: bool) -> np.ndarray:
+def driven(place: Placement, made: Effect, u: np.ndarray, dt: float, starts: np.ndarray, held: bool) -> np.ndarray:
     """Return an input after an effect: at the rows, or the mean over each step if held."""
     if not held or not made.n_states or made.sampled:
-        return place.drive(made, u, log.dt, log.starts)
-    y = place.drive(made, np.repeat(u, PIECES), log.dt / PIECES, PIECES * log.starts).reshape(-1, PIECES)
+        return place.drive(made, u, dt, starts)
+    y = place.drive(made, np.repeat(u, PIECES), dt / PIECES, PIECES * starts).reshape(-1, PIECES)
     end = 2.0 * y[:, -1] - y[:, -2]  # its value before the input jumps
     return np.asarray((y.sum(axis=1) + 0.5 * (end - y[:, 0])) / PIECES)
 
 
-def passed_on(active: Active, u: np.ndarray, inputs: Sequence[str], log: PortLog, held: bool) -> np.ndarray:
-    """Return inputs as the effects on them pass them on, each as `driven` has it."""
+def passed_on(
+    active: Active, u: np.ndarray, inputs: Sequence[str], log: PortLog, held: bool, rested: bool = False
+) -> np.ndarray:
+    """Return inputs as the effects on them pass them on, each as `driven` has it; `rested` if zero before each run."""
+    starts, count = log.starts, len(log.starts)
+    if rested:
+        u, starts = np.insert(u, starts, 0.0, axis=1), starts + np.arange(count)
     for place, made in active:
         if place.enters == "input" and not place.acts:
             k, u = list(inputs).index(place.at), u.copy()
-            u[k] = driven(place, made, u[k], log, held)
-    return u
+            u[k] = driven(place, made, u[k], log.dt, starts, held)
+    return np.delete(u, starts, axis=1) if rested else u
 
 
-def timings(inputs: Sequence[str], u: np.ndarray, log: PortLog) -> Iterator[tuple[str, np.ndarray]]:
-    """Yield the inputs with one half a sample early, or bent by a third of its second difference."""
+def timings(
+    active: Active, u: np.ndarray, inputs: Sequence[str], log: PortLog, held: bool
+) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield the inputs that effects pass on with what is not known of one.
+
+    One acts half a sample early, is bent by a third of its second difference, or was zero before each run.
+    """
+    begun = passed_on(active, u, inputs, log, held, rested=True)
+    u = passed_on(active, u, inputs, log, held)
     there, back = after(u, log), before(u, log)
-    for name, change in zip(TIMINGS, (0.25 * (there - back), (there - 2.0 * u + back) / 3.0), strict=True):
+    changes = 0.25 * (there - back), (there - 2.0 * u + back) / 3.0, begun - u
+    for name, change in zip(TIMINGS, changes, strict=True):
         for k, of in enumerate(inputs):
             if np.ptp(u[k]) > 0.0:
                 moved = u.copy()
                 moved[k] += change[k]
                 yield f"{name} of {of}", moved
+
+
+def needed(
+    columns: Mapping[str, np.ndarray], u: np.ndarray, inputs: Sequence[str], log: PortLog
+) -> dict[str, np.ndarray]:
+    """Return the columns of `timings` that a fit needs: also what does nothing until an effect remembers it."""
+    begun = {f"{TIMINGS[-1]} of {name}" for name, row in zip(inputs, u, strict=True) if np.any(row[log.starts])}
+    return {k: v for k, v in columns.items() if (np.any(v) or k in begun) and np.all(np.isfinite(v))}
 
 
 def before(x: np.ndarray, log: PortLog) -> np.ndarray:

@@ -40,7 +40,7 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .bends import carried, matters, means, simpson, steps_of
-from .between_rows import after, passed_on, timings
+from .between_rows import after, needed, passed_on, timings
 from .derived import rounded_off, speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .port_windows import PortWindows
@@ -216,9 +216,7 @@ class DirectEvidence(UndoneEvidence):
                     self.skews[name] = np.zeros(ends[-1])
                     self.skews[name][part] = own
         if self.simulator.form == "ode":
-            for name, column in self._timed(self._own).items():
-                if np.any(column) and np.all(np.isfinite(column)):
-                    self.skews[name] = column
+            self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
                 self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step, self._bend
@@ -229,9 +227,9 @@ class DirectEvidence(UndoneEvidence):
         self._allow()
 
     def _timed(self, active: Active) -> dict[str, np.ndarray]:
-        u = passed_on(active, self._u, self.simulator.inputs, self.log, not self.lines)
-        plain = self._under(u)
-        return {name: self._under(moved) - plain for name, moved in timings(self.simulator.inputs, u, self.log)}
+        inputs, log, held = self.simulator.inputs, self.log, not self.lines
+        plain = self._under(passed_on(active, self._u, inputs, log, held))
+        return {name: self._under(moved) - plain for name, moved in timings(active, self._u, inputs, log, held)}
 
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""

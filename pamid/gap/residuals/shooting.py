@@ -30,7 +30,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
-from .between_rows import STEPS, timings
+from .between_rows import STEPS, needed, timings
 from .port_windows import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
@@ -180,16 +180,26 @@ class ShootingEvidence(PredictedEvidence):
     def _skew(self) -> None:
         """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
         base = self._drive([], self.simulator.numbers)
-        for name, u in timings(self.simulator.inputs, self._u, self.log):
-            near = self._near(self._x0, base, Drive(u, base.p, [], self.lines))
-            column = self._compared([], [], *map(self._fold, near))
-            if np.any(column):
-                self.skews[name] = column
+        self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
             column = self._compared([], [], *map(self._fold, self._stepped(self._x0, base))) / SMALL
             if np.any(column):
                 self.skews[STEPS] = column
         self._allow()
+
+    def _timed(self, active: Active) -> dict[str, np.ndarray]:
+        base, found = self._drive(active, self.simulator.numbers), {}
+        for name, u in timings(active, self._u, self.simulator.inputs, self.log, not self.lines):
+            near = self._near(self._x0, base, Drive(u, base.p, active, self.lines))
+            found[name] = self._compared(active, active, *map(self._fold, near))
+        return found
+
+    def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
+        on, inputs = super()._passes_on(active)
+        read = [(place, made) for place, made in active if place.enters == "output"]
+        if self.simulator.form != "ode":  # each timing would be a run
+            return [], set()
+        return [*on, *read], set(self.simulator.inputs) if read else inputs
 
     def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
         """Return means over the readings in windows, of a signal that begins at a row of the log."""
@@ -385,13 +395,13 @@ class ShootingEvidence(PredictedEvidence):
         spans = {name: float(np.ptp(x)) for name, x in signals.items()}
         sizes = dict(gaps)
         if simulator.form == "ode":
-            for j in self.joints:
+            for k, state in enumerate(simulator.states):
+                sizes[state] = 0.3 * float(np.std(self._rates[k]))
+            for j in self.joints:  # most are named by their position, but have the size of an acceleration
                 sizes[j.name] = 0.3 * float(np.std(self._rates[simulator.states.index(j.velocity)]))
                 if not j.position:
                     speed = self._states[simulator.states.index(j.velocity)]
                     spans[f"{j.name}.path"] = max(float(np.ptp(np.cumsum(speed[a:b]))) * log.dt for a, b in log.spans)
-            for k, state in enumerate(simulator.states):
-                sizes[state] = 0.3 * float(np.std(self._rates[k]))
         else:
             for port in simulator.ports:
                 if port.through and (port.velocity in log.channels or port.level in log.channels):
@@ -409,20 +419,9 @@ class ShootingEvidence(PredictedEvidence):
         ends = {name: end.limit for name, end in self.saturated.items()}
         one_sided = {name: end.side for name, end in self.saturated.items() if end.side}
         return SignalSizes(
-            spans,
-            tops,
-            lows,
-            sizes,
-            self.shown,
-            self.pushes,
-            self.joints,
-            length,
-            log.dt,
-            self.feeds,
-            ends,
-            one_sided,
-            highs,
-        )
+            spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends,
+            one_sided, highs,
+        )  # fmt: skip
 
     def _unsure(self) -> list[str]:
         """Return the states whose size the log does not determine: hidden ones, with fitted parameters."""

@@ -113,10 +113,15 @@ class Tolerances(ABC):
         """Return the columns of when within a sample inputs act, as effects on them pass them on."""
         return {}
 
+    def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
+        """Return the effects that pass timings on, and the inputs whose timings they change."""
+        on = [(place, made) for place, made in active if place.enters == "input" and not place.acts]
+        return on, {place.at for place, _ in on}
+
     def _skews_under(self, active: Active) -> Mapping[str, np.ndarray]:
         """Return the columns of nuisance parameters under effects, which change the shifted input."""
-        on = [(place, made) for place, made in active if place.enters == "input" and not place.acts]
-        names = {f"{what} of {place.at}" for what in TIMINGS for place, _ in on} & self.skews.keys()
+        on, inputs = self._passes_on(active)
+        names = {f"{what} of {name}" for what in TIMINGS for name in inputs} & self.skews.keys()
         if not names:
             return self.skews
         key = repr([(place.key, made.values) for place, made in on]) + repr(self.simulator.numbers.tobytes())

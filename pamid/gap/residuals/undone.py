@@ -104,6 +104,12 @@ class UndoneEvidence(PortEvidence, ABC):
         found = self._noise_under({k: v for k, v in spec.items() if self._changes_noise(self.placements[k])})
         return None if found is None else found[0]
 
+    def drowns(self, spec: Spec) -> bool:
+        """Return whether undoing faults of readings adds more noise to an equation than the readings bring."""
+        faults = {k: v for k, v in spec.items() if self.placements[k].enters == "output"}
+        grown = self.widening(faults) if faults else None
+        return grown is not None and max(rms(grown[part]) for part in self.parts) > np.sqrt(2.0)
+
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return the growth of noise over that of motion under effects; None where none changes it."""
         # What forces add is counted window by window, since dry friction jumps in few of them.
