@@ -167,7 +167,10 @@ def run(args: argparse.Namespace) -> int:
     if found:
         print(parameter_lines(found))
     if (bore := getattr(fitted, "bore_", None)) is not None and page is not None:
-        print(f"the area is that of a bore of {1e3 * bore:.4g} mm; the page says {1e3 * page.number('bore'):.4g} mm")
+        print(
+            f"the area is that of a bore of {1e3 * bore:.4g} mm; the simulator file says "
+            f"{1e3 * page.number('bore'):.4g} mm"
+        )
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
 
