@@ -357,7 +357,7 @@ def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
 
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
-    """Base class of all warnings; issued itself if a regression has no term for an output or an extension fails."""
+    """Base class of all warnings; issued directly if a regression has no term for an output, or an extension fails."""
 
 
 class UnitWarning(PamidWarning):

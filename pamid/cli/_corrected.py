@@ -114,4 +114,6 @@ def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
 
     path.write_bytes(wrapped(simulator))
     if simulator.at_rest() is not None and FmuSimulator(path, trust=True, seconds=simulator.seconds).at_rest() is None:
-        raise SimulatorRunError("corrected.fmu does not run.", "an FMU that runs as the original does", "Use the page.")
+        raise SimulatorRunError(
+            "corrected.fmu does not run.", "an FMU that runs as the original does", "Use corrected.toml."
+        )

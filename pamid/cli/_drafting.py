@@ -195,7 +195,7 @@ def ask_for_units(draft: Draft, ask: Asker) -> None:
         raise MappingError(
             f"{'; '.join(sentence(g.question) for g in left)}.",
             "one column with a known unit for each signal",
-            f"Say it, for instance {option(left[0])}.",
+            f"State it, for instance {option(left[0])}.",
         )
 
 
@@ -230,7 +230,7 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
         raise PressureReferenceError(
             f"{text}.",
             "gauge (0 at ambient pressure) or absolute (1.013 bar there)",
-            f"Add --assume gauge or --assume absolute, or say it of the column: {option(first, unit)}:gauge.",
+            f"Add --assume gauge or --assume absolute, or state it for the column: {option(first, unit)}:gauge.",
         )
     draft.refer(answer == "gauge", "given", doubtful)
 
@@ -293,7 +293,7 @@ def checked_folder(args: argparse.Namespace, files: Sequence[str] = FILES) -> Pa
     there = [name for name in files if (folder / name).exists()]
     if there and not args.force:
         raise OutputError(
-            f"{' and '.join(str(folder / name) for name in there)} exist already.",
+            f"{' and '.join(str(folder / name) for name in there)} already exist.",
             "a folder without them",
             "Choose another --out, or add --force to replace them.",
         )
@@ -323,8 +323,8 @@ def disagreement(draft: Draft, log: Any) -> str:
     if doubt and unsure:
         raise UnitError(
             f"{doubt}; the unit of {' and '.join(g.signal for g in unsure)} is only assumed.",
-            "units under which force, pressure and size agree",
-            f"Say them: {' '.join(option(g, 'UNIT') for g in unsure)}.",
+            "units with which force, pressure and size agree",
+            f"State them: {' '.join(option(g, 'UNIT') for g in unsure)}.",
         )
     return doubt
 
@@ -385,9 +385,9 @@ def tell(
         print(f"wrote {path}")
     if unsure or assumed or guessed:
         what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed, *(f"the column of {s}" for s in guessed)])
-        note(args, f"assumed: {what}. Look for ASSUMED in the files and correct it.")
+        note(args, f"assumed: {what}. Look for ASSUMED in the files; correct or confirm it.")
     if doubt:
-        note(args, f"{doubt}. Correct it before anything is made of this log.")
+        note(args, f"{doubt}. Correct it before you use this log.")
     if missing:
         print("\nThis log and simulator cannot be compared yet:", *missing, sep="\n  ")
         return

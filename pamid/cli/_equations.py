@@ -68,14 +68,14 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
     if lacking := [p for p in draft.lacking() if p.name != "time"]:
         first = lacking[0].name
         raise MissingColumnError(
-            f"{', '.join(f'{p.name} ({p.meaning})' for p in lacking)} stands in the equations and is neither a column "
+            f"{', '.join(f'{p.name} ({p.meaning})' for p in lacking)}: in the equations, but neither a column "
             f"nor a number; the log has {', '.join(str(g.column) for g in draft.guesses[:12])}.",
             "a column for each input and output, and a number for each parameter",
             f"Add --signal {first}=COLUMN:UNIT, or --set {first}='VALUE UNIT'.",
         )
     if not any(draft.of(name) for name in (*rates, *outputs)):
         raise MissingColumnError(
-            f"The log measures none of {', '.join((*rates, *outputs))}.", "one of them at least",
+            f"The log measures none of {', '.join((*rates, *outputs))}.", "at least one of them",
             f"Add --signal {next(iter((*rates, *outputs)))}=COLUMN:UNIT.",
         )  # fmt: skip
     units = {port.name: _unit_of(draft, port.name) for port in draft.ports}

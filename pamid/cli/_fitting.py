@@ -124,7 +124,7 @@ def hold_causes(estimator: Any, causes: Causes, args: argparse.Namespace) -> Non
     equations = {law.equation for law in estimator.laws()} if isinstance(estimator, WithLaws) else set()
     if "effects" not in estimator.get_params() or not equations:
         raise ParameterError(
-            f"--diagnosis is given, and {args.estimator} has no effects.",
+            f"--diagnosis is given, but {args.estimator} takes no effects.",
             "a hybrid model: StaticPIHM, ThermodynamicPIHM",
             "Leave --estimator out, or name one of them.",
         )

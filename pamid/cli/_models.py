@@ -125,7 +125,11 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
     return [
         f"no column is known for {p.source}{f' ({doubts[p.name]})' if p.name in doubts else ''}: add "
         f"--signal {p.source}=COLUMN{f':{p.unit}' if _plain(p.unit) else ''}"
-        + (f", or start = VALUE to the port {p.name} of the page if it stands still" if p.kind == "input" else "")
+        + (
+            f", or start = VALUE for the port {p.name} in the simulator file if it is constant"
+            if p.kind == "input"
+            else ""
+        )
         for p in wanted
     ]
 

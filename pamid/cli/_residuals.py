@@ -79,7 +79,7 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
         raise ShortTrajectoryError(
             "No equation of the simulator can be compared with the log.",
             "longer runs, or more columns",
-            "See evaluate.",
+            "Run 'pamid evaluate', which says why.",
         )
     return {name: Left(pd.concat(tables), all_equations()[name].unit) for name, tables in parts.items()}
 

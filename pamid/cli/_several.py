@@ -130,7 +130,9 @@ def judged_after(
 
     if wanted(args):
         raise ParameterError(
-            "--after is given with --conditions or --since.", "one log", "Leave one out: an opinion is about one log."
+            "--after is given with --conditions or --since.",
+            "one log",
+            "Leave one out: a second opinion concerns one log.",
         )
     log = _counted(args, simulator, load_log(args, simulator=simulator))
     return second_opinion(log, simulator, args.after, effects, seed=args.seed, progress=step), log

@@ -41,8 +41,8 @@ def outline(page: Path, trust: bool = False) -> Simulator:
     code, _, name = str(page).rpartition(":")
     if code.endswith(".py"):
         raise ParameterError(
-            f"--sim names the function {name} of {code}; which signals it has, in which units, only a page can say.",
-            "a page beside it",
+            f"--sim names the function {name} of {code}; its signals and their units must come from a simulator file.",
+            "a simulator file beside it",
             'Write sim.toml with kind = "ode" (rates of states) or "function", '
             f'[ode] function = "{Path(code).name}:{name}", [ports] such as u = {{ kind = "input", unit = "V" }} and '
             'x = { kind = "state", unit = "m" }, states in the order of their rates, and [parameters]; then: '
@@ -51,7 +51,7 @@ def outline(page: Path, trust: bool = False) -> Simulator:
     if page.suffix.lower() != ".toml":
         raise ParameterError(
             f"--sim names {page}.",
-            f"a model or a page: {', '.join(MODELS)} or .toml",
-            "Name the model itself, or write a page for it: docs/simulators.md.",
+            f"a model or a simulator file: {', '.join(MODELS)} or .toml",
+            "Name the model itself, or write a simulator file for it: docs/simulators.md.",
         )
     return read_simulator(page, trust=True) if trust else read_outline(page)

@@ -90,7 +90,7 @@ def signal_table(log: pd.DataFrame, page: Any, target: Target) -> pd.DataFrame:
     elif page is None or page.kind != "bench":
         raise MissingColumnError(
             f"The log has no column eps (it has {', '.join(columns[:20])}).",
-            "eps and P of one muscle, or q, P1, P2 and a simulator that tells eps",
+            "eps and P of one muscle, or q, P1, P2 and a simulator from which eps follows",
             "Add --sim SIM.toml, or map your columns with --columns.",
         )
     else:
@@ -112,7 +112,7 @@ def _table_of_system(log: pd.DataFrame, page: Any, target: Target) -> pd.DataFra
         raise MissingColumnError(
             f"The log has no {', '.join(lacking)} (it has {', '.join(map(str, log.columns[:20]))}).",
             f"{', '.join((*target.signals, target.column))} of a {target.kinds[0]}",
-            f"Map your columns with --columns, or name the page of the {target.kinds[0]} by --sim.",
+            f"Map your columns with --columns, or give the simulator file of the {target.kinds[0]} with --sim.",
         )
     return table.assign(run=table["trajectory"])
 
@@ -154,7 +154,7 @@ def make_estimator(
     values = {"random_state": seed, **{k: v for k, v in numbers_for(tuple(kinds)).items() if k != "unit"}}
     if lacking := [size for size in SIZES if size in accepted and size not in {**values, **settings}]:
         raise MissingParameterError(
-            f"{name} needs {' and '.join(lacking)} of the muscle, which nothing here says.",
+            f"Missing: {' and '.join(lacking)} of the muscle, which {name} needs.",
             "the size of the muscle that was recorded",
             f"Add --sim SIM.toml ('pamid init --kind muscle' writes one), or --set {lacking[0]}='20 mm'.",
         )
@@ -203,7 +203,7 @@ def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
     if missing := [n for n in names if n not in table.columns]:
         raise MissingColumnError(
             f"The log gives no {', '.join(missing)}.",
-            f"the columns of the fit: {', '.join(names)}",
+            f"the columns that the model was fitted to: {', '.join(names)}",
             "Map the log's columns with --columns, or fit the model on columns that this log has.",
         )
     try:
@@ -215,13 +215,13 @@ def predict_table(model: Any, table: pd.DataFrame) -> np.ndarray:
     except Exception as error:  # a file may describe a model whose parts do not belong together
         raise ModelFileError(
             f"The model cannot predict this table: {type(error).__name__}: {' '.join(str(error).split())[:160]}.",
-            "a model that fits together, and columns as in its fit",
+            "a consistent model, and the columns that it was fitted to",
             "Check the model with pamid.persistence.inspect, or fit it again.",
         ) from error
     if predicted.shape != (len(table),):
         raise IncompatibleError(
             f"The model predicts the shape {predicted.shape} for {len(table)} rows.",
-            "one number a row",
+            "one number per row",
             "Use a model of one target.",
         )
     return predicted

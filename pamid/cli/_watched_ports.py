@@ -29,7 +29,9 @@ def events_at_ports(
 
     if args.model or args.muscle != 1:
         raise UnknownParameterError(
-            "--model or --muscle is given with a simulator with ports.", "neither", "Leave it out: they are of muscles."
+            "--model or --muscle is given with a simulator with ports.",
+            "neither",
+            "Leave it out: they are for muscles.",
         )
     convert = _in_si(args, simulator) if args.columns else None
     first, source = _first_sample(source)

@@ -25,7 +25,7 @@ def add_where(parser: argparse.ArgumentParser) -> None:
         metavar="'COLUMN > NUMBER'",
         action="append",
         default=[],
-        help="only rows like this count, such as 'F > 5' where a slack muscle carries no information; repeatable",
+        help="use only rows that meet this condition, such as 'F > 5' to leave out a slack muscle; repeatable",
     )
 
 
@@ -58,8 +58,8 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
         rows = meets if rows is None else rows & meets
     if rows is not None and not rows.any():
         raise EmptyLogError(
-            f"No row counts: none meets {' and '.join(repr(text) for text in conditions)}.",
-            "rows that count",
-            "Correct the numbers: they are in the units of the tidy table, SI.",
+            f"No row meets {' and '.join(repr(text) for text in conditions)}.",
+            "at least one row",
+            "Correct the numbers; they are in SI units.",
         )
     return rows

@@ -109,9 +109,9 @@ class FittedParameters:
         if not found:
             said = ", ".join(list(self.numbers)[:8]) or "no number"
             raise ParameterError(
-                f"{self.source or 'The fit'} names {said}, none of which is a number of the simulator.",
+                f"{self.source or 'The fit'} names {said}, none of which is a parameter of the simulator.",
                 f"some of {', '.join(list(known)[:12])}",
-                "Rename them, or add them to the page's [parameters].",
+                "Rename them, or add them to [parameters] of the simulator file.",
             )
         return replace(self, numbers=found, unmatched=tuple(left))
 

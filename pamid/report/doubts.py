@@ -39,7 +39,7 @@ def _reference(d: Diagnosis) -> str:
     asked = "Is gauge pressure read as absolute, or the reverse?"
     for p in (p for cause in d.added for p in cause.parameters.values()):
         if p.unit == "Pa" and _close(p.value, ambient):
-            return f"{asked} The offset of {amount(p.value, p.unit)} is that of the ambient pressure."
+            return f"{asked} The offset of {amount(p.value, p.unit)} is close to the ambient pressure."
     off = float(d.windows["before"].mean()) if area and d.gap and len(d.windows) else 0.0
     if area and _close(off, area * ambient):
         return f"{asked} The force is off by {amount(off, 'N')}: the ambient pressure on {1e6 * area:.4g} mm²."
@@ -69,8 +69,8 @@ def _unit(d: Diagnosis) -> str:
         gain = r * float(np.std(y) / np.std(x))
         power = round(math.log10(gain)) if gain > 0 else 0
         if power and r**2 > _TOLD and abs(gain / 10.0**power - 1.0) < NEAR and not _explained(d, part, 1.0 - r**2):
-            what = f"What was measured of the {Words.of(d).equation(str(name))}"
-            return f"Is a unit wrong? {what} moves {gain:.3g} times as far as what the simulator gives."
+            what = f"The measured {Words.of(d).equation(str(name))}"
+            return f"Is a unit wrong? {what} varies {gain:.3g} times as much as the simulated one."
     return ""
 
 

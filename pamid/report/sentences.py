@@ -39,13 +39,13 @@ _READABLE = 4  # conditions of a region that a sentence holds
 _NOTHING = 0.02  # share closed that is not worth a name
 _ALLOWED = {
     "timing": "when {} acts within a sample",
-    "bend": "how {} goes from row to row",
+    "bend": "how {} changes from row to row",
     "start": "what {} was before the log began",
-    "drive": "how {} moves within a sample",
+    "drive": "how {} changes within a sample",
     "skew": "the time between {} and its position, within a sample",
     "offset": "a small offset at {}",
 }
-"""What a fit allows for, by the first word of its name."""
+"""What a fit also adjusts, by the first word of its name."""
 _FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
 
 
@@ -126,7 +126,7 @@ def _named(d: Diagnosis) -> str:
     if d.verdict == "several":
         main = main_causes(d)
         few = len(d.causes) - len(main)
-        beside = f"; {_count(few).lower() if few > 1 else 'one'} more of under 2 % of the gap" if few else ""
+        beside = f"; {_count(few).lower() if few > 1 else 'one'} more with under 2 % of the gap" if few else ""
         head = f"{_count(len(main))} causes" if len(main) > 1 else "One cause"
         if all(c.with_reserve for c in main):
             return f"{head}: {causes_listed([either(c, words) for c in main])}{_reserve(d, main)}{beside}"
@@ -224,7 +224,7 @@ def _left_out(d: Diagnosis) -> str:
 def _region_text(regions: list[Region], equation: str, part: str, words: Words) -> str:
     region = leading_region(regions, equation)
     if region is None:
-        return f"{part} extends over the whole state"
+        return f"{part} is spread over the whole state space"
     own = [r for r in regions if r.equation == equation]
     share, samples = sum(r.share for r in own), sum(r.samples for r in own)
     if share > 1.25 * region.share and share >= _CONCENTRATED * samples:
@@ -314,8 +314,7 @@ def which(d: Diagnosis) -> str:
         return f"None among those that this log can show: {text}. It cannot show {silent}."
     if d.families:
         sizes = [f"{cause_names(c, words)[0]} {size(c, words)}".rstrip() for c in d.families]
-        it = "its form is" if len(d.families) == 1 else "their forms are"
-        return f"No effect of the library explains it, even if {it} inexact. Closest: {'; '.join(sizes)}."
+        return f"No effect of the library explains it, even allowing for inexact forms. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
         text = "No effect of the library explains it"
         best = best_effect(d)
@@ -333,8 +332,9 @@ def which(d: Diagnosis) -> str:
     certain, place = f"confidence {percent(cause.confidence)}", words.in_equation(cause.equation)
     if len(names) > 1:
         text = f"Either {either(cause, words)}, {place} ({certain} that it is one of them)"
-        text = f"{text}; {_sentence_end(cause.distinguished_by or 'this log cannot distinguish them')}"
-        return f"{text} Size: {names[0]} {told}." if (told := size(cause, words)) else text
+        apart = f". A run that would distinguish them: {cause.distinguished_by}" if cause.distinguished_by else ""
+        text = _sentence_end(text + (apart or "; this log cannot distinguish them"))
+        return f"{text} Size of {names[0]}: {told}." if (told := size(cause, words)) else text
     told = size(cause, words, full=True)
     return f"{capital(names[0])}, {place} ({certain}){f': {told}' if told else ''}."
 
@@ -367,9 +367,7 @@ def best_effect(d: Diagnosis) -> Any:
 def how_far(d: Diagnosis) -> str:
     """Return how far the gap shrinks."""
     if not d.tested:
-        return (
-            "Nothing was fitted. Correct what kept the equations from being tested, or record new runs, and try again."
-        )
+        return "Nothing was fitted. Correct what prevented the tests, or record new runs, and try again."
     if d.verdict == "none":
         return f"There is nothing to close{_errors(d)}."
     causes = d.added
@@ -385,7 +383,7 @@ def how_far(d: Diagnosis) -> str:
     c, words = closures[0], Words.of(d)
     it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
     share = f"{interval_of(c.closed_share, *c.ci90)} of the gap"
-    became = f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} at a noise of {_noise(c)}"
+    became = f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} (noise: {_noise(c)})"
     text = f"Adding {it} closes {share} {words.in_equation(c.equation)} on unseen {_unseen(d)}: {became}"
     if not any(o.closed_share for o in closures) and c.ci90 == (0.0, 1.0):
         return f"On unseen {_unseen(d)} the gap {words.in_equation(c.equation)} is within the noise: {became}."
@@ -395,14 +393,14 @@ def how_far(d: Diagnosis) -> str:
 
 
 def _by_itself(c: Closure) -> str:
-    """Return the closure of the corrected simulator where the fit allows for more than it holds."""
+    """Return the closure of the corrected simulator where the fit also adjusts what the file cannot contain."""
     if not c.allowed:
         return ""
     kind, _, of = c.allowed.partition(" of ")
     rest = _ALLOWED[kind].format(of) if kind in _ALLOWED else f"the {c.allowed}"
     return (
-        f" The corrected simulator by itself closes {percent(c.alone)}: the rest is {rest}, "
-        "which this log does not say and the fit allows for."
+        f" The corrected simulator by itself closes {percent(c.alone)}: the fit also adjusts {rest}, "
+        "which this log does not show."
     )
 
 
@@ -423,7 +421,7 @@ def _errors(d: Diagnosis) -> str:
         if len(part) and unit:
             error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
             name = Words.of(d).equation(finding.equation)
-            lines.append(f"{name} {amount(error, unit)} at a noise of {amount(noise, unit)}")
+            lines.append(f"{name} {amount(error, unit)} (noise: {amount(noise, unit)})")
     return f": {listed(lines)}" if lines else ""
 
 

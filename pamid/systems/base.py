@@ -361,7 +361,7 @@ class System(Simulator, ABC):
         lines = [
             f"# Simulator: {cls.title}.",
             f"# Nominal equation: {cls.law}",
-            '# SI units; a text with a unit is accepted too, such as "25 mm". Pressures are absolute.',
+            '# SI units; text with a unit, such as "25 mm", is accepted, too. Pressures are absolute.',
             f'kind = "{cls.kind}"',
             "",
             f"[{cls.kind}]",

@@ -48,7 +48,12 @@ class Cylinder(System):
     )
 
     choices = (
-        Choice("force", tuple(_SENSES), "what F measures: the push it delivers, or what moves the rod", "unknown"),
+        Choice(
+            "force",
+            tuple(_SENSES),
+            "what F measures: the force that the cylinder delivers, or one imposed on its rod",
+            "unknown",
+        ),
     )
 
     estimator = "CylinderForce"

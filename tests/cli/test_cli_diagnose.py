@@ -257,7 +257,7 @@ def test_names_of_runs_are_text(log, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("condition", "words"),
     [
-        ("F1 > 1e9", "No row counts: none meets 'F1 > 1e9'"),
+        ("F1 > 1e9", "No row meets 'F1 > 1e9'"),
         ("trajectory > 1", "--where names trajectory, which holds text"),
         ("__import__('os') > 1", "COLUMN > NUMBER"),
         ("F1 > " + "9" * 400, "COLUMN > NUMBER"),

@@ -42,9 +42,9 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"must be at least {100 * OF_ITS_OWN:g} % as large as the other effects in its set together"
     yield statistics, f"jackknife over {WORDS[STRETCHES]} stretches of equal information"
     yield statistics, f"errors clustered by stretches of {STRETCH:g} s"
-    yield statistics, f"at most one wrong name in {'twenty' if INCLUDED == 0.95 else '?'} above it"
+    yield statistics, f"at most one cause in {'twenty' if INCLUDED == 0.95 else '?'} above it is wrong"
     yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days this is tested for named causes only."
-    ratio = "if the ratio of measured to modelled values differs between them"
+    ratio = "the ratio of measured to modelled values differs between logs"
     yield "docs/diagnosis.md", f"{ratio} by a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",

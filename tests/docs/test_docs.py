@@ -6,12 +6,14 @@ import ast
 import importlib.util
 import inspect
 import json
+import math
 import re
 import shutil
 import subprocess
 import tomllib
 import warnings
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from types import ModuleType
 from typing import NamedTuple
@@ -34,6 +36,8 @@ PAGES = [ROOT / "README.md", *sorted(DOCS.glob("*.md"))]
 LOOSE_PAGES = [ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "benchmarks").rglob("*.md"))]
 
 
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+"""A number in a text."""
 WALKED = "## A robot, an FMU"
 """The section of a page that `test_first_hour` walks from here on."""
 
@@ -100,6 +104,28 @@ def test_a_command_that_no_shell_takes_is_noticed() -> None:
         as_the_shell_reads("pamid fit --set hidden=(16,)")
 
 
+def is_output_of(block: Block, above: Block) -> bool:
+    """Whether a block shows what the Python directly above it prints."""
+    close = block.line == above.line + above.text.count("\n") + 3
+    return close and (above.language, block.language) == ("python", "text")
+
+
+def shows(said: str, printed: str) -> bool:
+    """Whether what a page shows of an output is part of it: word by word, and numbers to within a tenth."""
+    said, printed = (" ".join(each.split()) for each in (said, printed))
+    found = re.search(f"({NUMBER.pattern})".join(map(re.escape, NUMBER.split(said))), printed)
+    pairs = zip(NUMBER.findall(said), found.groups(), strict=True) if found else ()
+    return found is not None and all(math.isclose(float(a), float(b), rel_tol=0.1) for a, b in pairs)
+
+
+def test_an_output_that_has_changed_is_noticed() -> None:
+    printed = "One cause: leakage\nIt closes 98.5 % (from 3e-06\n to 2.9e-08 kg/s).\n"
+    assert shows("It closes 97 % (from 3.1e-06 to 2.9e-08 kg/s).", printed)
+    assert not shows("It closes 80 % (from 3e-06 to 2.9e-08 kg/s).", printed)
+    assert not shows("Adding it closes 98.5 %", printed)
+    assert sum(is_output_of(b, a) for a, b in pairwise(blocks(DOCS / "reading.md"))) == 4
+
+
 @pytest.mark.parametrize(
     "page", [p for p in PAGES if any(b.language in ("python", "console") for b in blocks(p))], ids=name
 )
@@ -108,6 +134,7 @@ def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[st
     text = page.read_text(encoding="utf-8")
     space: dict[str, object] = {"__name__": "__main__"}
     end = text[: text.find(WALKED)].count("\n") if WALKED in text else text.count("\n")
+    printed, above = "", Block("", "", 0)
     for block in blocks(page):
         if block.line > end:
             break
@@ -119,6 +146,9 @@ def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[st
             own = [w for w in issued if issubclass(w.category, PamidWarning)]
             unnamed = [f"{w.category.__name__}: {w.message}" for w in own if w.category.__name__ not in text]
             assert not unnamed, f"{where} warns, and the page does not say so:\n" + "\n".join(unnamed)
+            printed = capsys.readouterr().out
+        elif is_output_of(block, above):
+            assert shows(block.text, printed), f"{where} is not what the Python above it prints:\n{printed}"
         elif block.language == "console":
             for command in re.sub(r"\\\n", " ", block.text).splitlines():
                 words = as_the_shell_reads(command.removeprefix("$ "))
@@ -127,6 +157,7 @@ def test_examples_run(page: Path, folder: Path, capsys: pytest.CaptureFixture[st
                     assert code == 0, f"{where}: {command}\n{capsys.readouterr().err}"
         elif block.language == "json":
             json.loads(block.text)
+        above = block
 
 
 @pytest.mark.parametrize("page", [p for p in PAGES if of(p, "python")], ids=name)

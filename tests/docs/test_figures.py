@@ -106,9 +106,10 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     )
     yield (
         "docs/inverse.md",
-        f"{share[False, inverse]:.2f} of the error of PID alone, {share[True, inverse]:.2f} with twice",
+        f"{share[False, inverse]:.2f} times the error of PID alone (with twice the friction, "
+        f"{share[True, inverse]:.2f} times)",
     )
-    yield "docs/inverse.md", f"learning on, the ratios are {share[False, learning]:.2f} and {share[True, learning]:.2f}"
+    yield "docs/inverse.md", f"learning on, {share[False, learning]:.2f} and {share[True, learning]:.2f} times."
     yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning on {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",
@@ -169,8 +170,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
     yield "docs/withheld.md", f"**measured** here were {share} %"
-    yield "docs/diagnosis.md", f"named without reserve at most 5 % should be wrong; measured were {share} %"
-    yield "docs/theory-diagnosis.md", f"[{share} % were wrong]"
+    yield "docs/diagnosis.md", f"Without reserve, at most 5 % should be wrong; [{share} % were](withheld.md#results)"
+    yield "docs/theory-diagnosis.md", f"[{share} % were](withheld.md#results)"
 
 
 def test_pages_quote_what_was_recorded() -> None:

@@ -386,7 +386,7 @@ OPTIONS = [
     (
         "model of other columns",
         E.MissingColumnError,
-        ("wall_temperature", "columns of the fit"),
+        ("wall_temperature", "columns that the model was fitted to"),
         ["evaluate", "{csv}", "--sim", "{sim}", "--model", "{wide}"],
         lambda good: predict_table(persistence.load(good["wide"]), pd.DataFrame({"eps": [0.1], "P": [2e5]})),
     ),

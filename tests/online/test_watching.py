@@ -98,4 +98,4 @@ def test_from_the_command_line(mapped: bool, tmp_path: Path, capsys: pytest.Capt
     assert (learnt["event"], change["event"], end["event"]) == ("learnt", "change", "end")
     assert change["causes"][0]["where"] == "area" and end["problems"]["malformed"] == 1
     assert main([*argv, "--model", "m.pamid"]) == 2
-    assert "they are of muscles" in capsys.readouterr().err
+    assert "they are for muscles" in capsys.readouterr().err

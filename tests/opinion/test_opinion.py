@@ -81,7 +81,7 @@ def test_files_of_other_tools_are_read(tmp_path: Path) -> None:
     (tmp_path / "best.pt").write_bytes(b"x")
     with pytest.raises(SimulatorSyntaxError, match="can carry code"):
         read_fit(tmp_path / "best.pt")
-    with pytest.raises(ParameterError, match="none of which is a number"):
+    with pytest.raises(ParameterError, match="none of which is a parameter"):
         read_fit({"stiffness": 3.0}).of(rail())
 
 

@@ -102,7 +102,7 @@ def test_what_closes_next_to_nothing_is_no_headline(diagnoses):
     first, second = diagnoses["several"].causes[:2]
     few = replace(diagnoses["several"], causes=[replace(first, share=0.93), replace(second, share=0.012)])
     told = answers(few)
-    assert told.verdict == "One cause: Coulomb friction; one more of under 2 % of the gap"
+    assert told.verdict == "One cause: Coulomb friction; one more with under 2 % of the gap"
     assert "leakage" in told.which.lower()  # it is still said, and stands in the corrected simulator
 
 

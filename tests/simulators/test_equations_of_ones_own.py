@@ -67,7 +67,7 @@ def test_from_raw_file_to_diagnosis_without_an_edit(drops, capsys):
 @pytest.mark.parametrize(
     ("more", "said"),
     [
-        (["--equation", "dw/dt = -k*w + u_in"], "k (input), u_in (input) stands in the equations"),
+        (["--equation", "dw/dt = -k*w + u_in"], "k (input), u_in (input): in the equations"),
         (["--set", "m=3"], "--set gives m, which no equation names"),
         (["--equation", "y = __import__('os').system('x')"], "is not an equation|holds"),
         (["--equation", "y = h.real"], "holds 'h.real'"),

@@ -86,7 +86,7 @@ def test_fit_takes_the_page_of_a_muscle_and_no_size_by_default(files, capsys):
     capsys.readouterr()
     alone = ["fit", str(files / "muscle.csv"), "--estimator", "GeometricForce", *out]
     assert main(alone) == 2
-    assert "needs rest_length and rest_diameter" in capsys.readouterr().err
+    assert "Missing: rest_length and rest_diameter of the muscle" in capsys.readouterr().err
     assert main([*alone, "--set", "rest_length=200 mm", "--set", "rest_diameter=20 mm"]) == 0
     model = ["--model", str(files / "force.pamid")]
     assert main(["evaluate", *arguments(files, "muscle"), *model]) == 0

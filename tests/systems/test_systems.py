@@ -219,7 +219,7 @@ def test_a_condition_leaves_rows_out(stroke, tmp_path, capsys):
     assert main(words) == 0
     assert json.loads(capsys.readouterr().out)["closure"][0]["rmse_after"] > 3.0
     assert main([*words, "--where", "x > 1"]) == 2
-    assert "No row counts" in capsys.readouterr().err
+    assert "No row meets" in capsys.readouterr().err
 
 
 def test_readings_of_rows_that_miss_a_condition(stroke):

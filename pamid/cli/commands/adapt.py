@@ -33,10 +33,10 @@ METHODS = ("q", "scales", "full", "partial", "lora")
 _DESCRIPTION = """\
 Adapt a model of one muscle, saved by 'pamid fit', to another muscle with a short log of that muscle.
 
-First a grouped cross-validation estimates the error: in each fold the source is adapted to most runs and scored on the
-others, and so is the unadapted source. Then it is adapted to all runs and written to --out together with the source.
-The size of the target muscle, the start value of the factor on the volume, comes from --muscle, or from the simulator
-file of --sim or beside the log; without any of them only the data decide.
+First a grouped cross-validation estimates the error: in each fold the source is adapted to most runs, and scored on the
+others with and without the adaptation. Then it is adapted to all runs and written to --out together with the source.
+The size of the target muscle, which gives the initial value of the volume factor, comes from --muscle or from the
+simulator file (--sim, or the one beside the log); without these, only the data decide.
 """
 _EXAMPLES = """\
   pamid adapt flow-A.pamid log-B.parquet --muscle B --out flow-B.pamid

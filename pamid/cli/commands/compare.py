@@ -225,7 +225,7 @@ def _compare_system(args: argparse.Namespace, system: System, folder: Path | Non
 
     if args.equation != "force":
         raise ParameterError(
-            f"--equation is {args.equation}, and the page is that of a {system.kind}, which has one equation.",
+            f"--equation is {args.equation}, and the simulator file is that of a {system.kind}, with one equation.",
             "no --equation",
             "Leave it out.",
         )
@@ -256,7 +256,7 @@ def _require_sizes(entries: Sequence[CandidateModel], parameters: dict[str, Any]
     taken = {name for e in entries for name in e.estimator.get_params()}
     if lacking := [size for size in SIZES if size in taken and size not in parameters]:
         raise MissingParameterError(
-            f"Nothing says {' and '.join(lacking)} of the muscle, which some of the estimators need.",
+            f"Missing: {' and '.join(lacking)} of the muscle, which some of the estimators need.",
             "the size of the muscle that was recorded",
             f"Add --sim SIM.toml, or --{lacking[0].replace('_', '-')} in m; or choose others with --estimators.",
         )

@@ -8,7 +8,7 @@ from typing import Any
 from ..common import add_command, print_json
 
 _DESCRIPTION = """\
-Print a script for a shell that completes the names of commands and options and the choices of an option; for
+Print a script with which a shell completes the names of commands and options, and the choices of an option; for
 everything else it offers files. The script matches the installed version: print it again after an update.
 """
 _EXAMPLES = """\

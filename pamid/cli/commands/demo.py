@@ -47,7 +47,7 @@ It takes about a minute on one core and needs no data. Everything is written to 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "demo", "the main commands on simulated data, step by step", _DESCRIPTION, "  pamid demo\n"
+        subparsers, "demo", "run the main commands on simulated data, step by step", _DESCRIPTION, "  pamid demo\n"
     )
     parser.add_argument(
         "--out", metavar="DIR", default="demo-output", help="folder for all results (default: demo-output)"

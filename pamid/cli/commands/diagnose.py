@@ -118,7 +118,7 @@ def run(args: argparse.Namespace) -> int:
     simulator = any_simulator_of(args) or simulator_before(args)
     if simulator is None:
         raise ParameterError(
-            "No simulator is named, and none is in the log's folder.",
+            "No simulator is given, and no simulator file is in the log's folder.",
             "a simulator file",
             "Add --sim SIM.toml; 'pamid init' writes one.",
         )
@@ -232,7 +232,7 @@ def _effects(chosen: str, without: Sequence[str], simulator: Any) -> str | list[
     kept = library_of("all", simulator) if chosen.strip() == "all" else names(chosen, "--effects")
     kept = [name for name in dict.fromkeys(kept) if name not in left_out]
     if not kept:
-        raise ParameterError("No effect is left to be the cause.", "at least one", "Name more in --effects.")
+        raise ParameterError("No effect is left as a candidate.", "at least one", "Name more in --effects.")
     return kept
 
 

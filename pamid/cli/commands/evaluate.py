@@ -28,14 +28,14 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Compare a log with the equations of a simulator: force, flow, valve and joint, as far as the log has the columns.
 
-For each equation you get the root mean square error over windows of 20 ms on the bench (rmse), the same divided by the
-standard deviation of the measurement (nrmse), and the noise floor: the rmse of a perfect simulator due to sensor noise,
-which is estimated from the log. An rmse far above the floor is a gap, unless the parameters under [tolerance] explain
-it: --refit first fits them within their tolerances.
+For each equation you get the root mean square error over windows, of 20 ms on the bench (rmse), the same divided by the
+standard deviation of the measurement (nrmse), and the noise floor: the rmse that a perfect simulator would have due to
+sensor noise, which is estimated from the log. An rmse far above the floor is a gap, unless the parameters under
+[tolerance] explain it: --refit first fits them within their tolerances.
 
---refit --instruments COLUMN is for logs recorded in closed loop, where noise comes back through the controller and
-biases a refit. COLUMN holds the reference that the controller followed; sizes of the simulator's own effects, such as
-the causes in corrected.toml, are fitted, too. The log must hold all states, or positions whose speeds the others are.
+--refit --instruments COLUMN is for logs recorded in closed loop, where noise returns through the controller and biases
+a refit. COLUMN holds the reference that the controller followed; sizes of the simulator's own effects, such as the
+causes in corrected.toml, are fitted, too. The log must contain all states, except speeds whose positions it contains.
 
 The column fit is 100 % × (1 − nrmse), as in MATLAB's compare.
 
@@ -83,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
         return _evaluate_model(args)
     if args.refit and args.piece_rows is not None:
         raise ParameterError(
-            "--refit goes through the log several times, and --piece-rows once.", "one of the two", "Leave one out."
+            "--refit reads the log several times, --piece-rows only once.", "one of the two", "Leave one out."
         )
     if args.instruments and not args.refit:
         raise ParameterError("--instruments is given without --refit.", "both", "Add --refit.")

@@ -68,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         raise
     except Exception as error:  # a file may describe a model whose parts do not belong together
         raise ExportError(
-            f"{Path(args.model).name} holds parts that do not fit together: {type(error).__name__}: {str(error)[:120]}",
+            f"{Path(args.model).name} holds inconsistent parts: {type(error).__name__}: {str(error)[:120]}",
             "a whole fitted model",
             "Fit and save it again.",
         ) from error

@@ -108,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     if args.thin > 1 and "one_trajectory" in estimator.get_params():
         raise ParameterError(
             f"--thin is {args.thin}, and {args.estimator} learns from the sequence of samples.",
-            "every sample, as it will get them when it predicts",
+            "every sample, as in a prediction",
             "Leave --thin out, or resample the log first.",
         )
     log = load_log(args, nan="drop")
@@ -167,7 +167,10 @@ def run(args: argparse.Namespace) -> int:
     if found:
         print(parameter_lines(found))
     if (bore := getattr(fitted, "bore_", None)) is not None and page is not None:
-        print(f"the area is that of a bore of {1e3 * bore:.4g} mm; the page says {1e3 * page.number('bore'):.4g} mm")
+        print(
+            f"the area is that of a bore of {1e3 * bore:.4g} mm; the simulator file says "
+            f"{1e3 * page.number('bore'):.4g} mm"
+        )
     print(f"saved: {out} (fitted in {seconds:.2f} s)")
     return 0
 
@@ -177,8 +180,8 @@ def _of_page(page: Any) -> str:
     if page is None:
         raise ParameterError(
             "Neither --estimator nor --sim is given.",
-            "an estimator, or the page of a system, which has one of its own",
-            "Add --estimator NAME (pamid compare distinguishes them), or --sim SIM.toml ('pamid init' writes one).",
+            "an estimator, or the simulator file of a system, which has a default one",
+            "Add --estimator NAME ('pamid compare' compares them), or --sim SIM.toml ('pamid init' writes one).",
         )
     return str(page.estimator)
 

@@ -195,7 +195,7 @@ def _page_alone(args: argparse.Namespace, draft: Draft, columns: dict[str, str],
     folder = check_folder(args.out, ("sim.toml",))
     page = folder / "sim.toml"
     if page.exists() and not args.force:
-        raise OutputError(f"{page} is there already.", "a new place", "Add --force to replace it.")
+        raise OutputError(f"{page} already exists.", "a new path", "Add --force to replace it.")
     tried(draft, draft.read)
     with replacing_together(folder, ("sim.toml",)) as stage:
         write_whole(stage / "sim.toml", model_page(simulator, columns, folder, mapped=False))

@@ -37,8 +37,8 @@ rise together, or valves shut; amplitude, frequency, offset and mean pressure st
 The plan says in advance what each outcome would mean, and whether any run within the limits can decide.
 
 For any other simulator the inputs are designed (sines, triangles, steps, multisines, chirps and holds), each within its
-range in the logs or within --limit and --rate: of a cylinder stroke and pressure, of a joint its angle, of a muscle
-contraction and pressure. Readings of a simulator with ports stay near their range in the logs. --change names a
+range in the logs or within --limit and --rate: for a cylinder, stroke and pressure; for a joint, its angle; for a
+muscle, contraction and pressure. Readings of a simulator with ports stay near their range in the logs. --change names a
 possible change of the system, such as another mass: the plan then says whether a run after that change would
 decide more than any run without it.
 
@@ -68,7 +68,7 @@ def add_parser(subparsers: Any) -> None:
         "--seconds",
         type=float,
         metavar="S",
-        help="total time of all runs (default: 4; with ports, that of the logs' runs)",
+        help="total time of all runs (default: 4; with ports, as long as the logs' runs)",
     )
     limits.add_argument("--runs", type=int, default=1, metavar="N", help="largest number of runs, 1 to 5 (default: 1)")
     limits.add_argument(

@@ -17,7 +17,7 @@ another day: which parameters agree, which differ by more than the errors of bot
 and which signals leave the range for which the passport is valid. SIM is the corrected simulator, corrected.toml, or
 the fitted one if nothing was missing.
 
-With --out the passport is written there again, with this system added.
+With --out, the passport is written there with this system added.
 """
 _EXAMPLES = """\
   pamid passport opinion/passport.toml other.csv --sim opinion/corrected.toml --out second

@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Test the residual of a simulator (--sim) or a saved model (--model) on a log: is it white, and uncorrelated with the
 inputs? A residual that is predictable from its own past contains something that a model could still learn; correlation
-with an input shows what the model misses of that input. At lags below 0 the residual leads: the input is feedback.
+with an input means that the model misses part of that input's effect. At negative lags the residual leads, which
+indicates feedback.
 
 Bands are 99 % intervals at each lag; those of an input allow for the autocorrelation of both signals (Ljung). The
 probabilities are for the whole curve: Ljung-Box for whiteness, lags from 0 on for an input. Lags do not cross the
 boundaries of runs. A simulator is tested in windows (20 ms on the bench), a model row by row. Windows of equations with
-derivatives (flow, joint) overlap, so that noise alone correlates neighbours negatively there.
+derivatives (flow, joint) overlap, so noise alone makes neighbouring windows negatively correlated.
 """
 _EXAMPLES = """\
   pamid resid log.parquet --sim sim.toml
@@ -38,7 +39,11 @@ _EXAMPLES = """\
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "resid", "test if a residual is white and uncorrelated with the inputs", _DESCRIPTION, _EXAMPLES
+        subparsers,
+        "resid",
+        "test whether a residual is white and uncorrelated with the inputs",
+        _DESCRIPTION,
+        _EXAMPLES,
     )
     add_log_options(parser)
     parser.add_argument("--sim", metavar="SIM.toml", help="simulator file (default: the one beside LOG)")

@@ -76,7 +76,7 @@ def run(args: argparse.Namespace) -> int:
     own_runs = bool(args.trajectory or args.runs)
     if bool(args.dataset) == own_runs:
         raise ParameterError(
-            "Both --dataset and runs of your own are given." if args.dataset else "Nothing says what to simulate.",
+            "Both --dataset and runs of your own are given." if args.dataset else "No run is given.",
             "one of --dataset and --trajectory or --runs",
             "Pass for instance --dataset D_B, or --trajectory sine:frequency=4,amplitude=10.",
         )

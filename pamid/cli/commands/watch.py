@@ -40,7 +40,7 @@ Monitor a rig during operation. Samples are JSON lines from a growing file or a 
 The first seconds (--learn) must be healthy: the monitor learns from them how the evidence varies by chance. After that
 it names effects that appear (a leak, friction, hysteresis) at the false alarm rate that you allow. Late and lost
 samples, uneven times, gaps, missing values, glitches, malformed lines and a restarted stream are counted and tolerated.
-If samples or signals are missing, stuck or in another unit, it reports within seconds that it is blind, and why.
+If samples or signals are missing, stuck or in a wrong unit, it reports within seconds that it is blind, and why.
 
 The output is one line per event, with --json one object per line.
 """

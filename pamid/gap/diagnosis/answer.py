@@ -268,8 +268,8 @@ def _again(fitter: Fitter, fit: Fit) -> Fit:
 def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Cause:
     if experiment is None or len(cause.effects) < 2 or not set(rivals) <= set(cause.effects):
         return cause
-    kind = experiment.trajectory.get("kind", "run")
-    return replace(cause, distinguished_by=f"{kind}: {experiment.reason}")
+    kind = str(experiment.trajectory.get("kind", "run")).replace("_", " ")
+    return replace(cause, distinguished_by=f"{kind} ({experiment.reason})")
 
 
 def _windows(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:

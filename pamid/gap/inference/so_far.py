@@ -36,16 +36,16 @@ def where_so_far(equations: Sequence[str], scales: np.ndarray) -> SoFar:
         return SoFar("no residual exceeds its noise")
     named = [f"{equations[k]} ({scales[k]:.2g} times the noise)" for k in order[:_MOST]]
     more = f" and {len(order) - _MOST} more" if len(order) > _MOST else ""
-    return SoFar(f"the gap is at {', '.join(named)}{more}")
+    return SoFar(f"the gap is in {', '.join(named)}{more}")
 
 
 def alone_so_far(singles: Mapping[str, Single]) -> SoFar:
     """Return which effects close most by themselves, to first order."""
     first = [name for name in sorted(singles, key=lambda n: -singles[n].gain) if singles[name].gain > 0.0][:_MOST]
     if not first:
-        return SoFar("no effect explains more than it costs by itself")
+        return SoFar("no single effect explains more than it costs")
     named = ", ".join(f"{in_words(name)} {singles[name].closed:.0%}" for name in first)
-    return SoFar(f"by itself and to first order closes most: {named}")
+    return SoFar(f"closes most by itself, to first order: {named}")
 
 
 def causes_so_far(names: Sequence[str], closed: float) -> SoFar:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 _NOISE = (
-    "The noise is estimated from differences between neighbouring samples and between repeated runs. A learner on the "
-    "same signals and their past predicts {:.0f} % of the gap on held-out runs."
+    "The noise is estimated from differences between neighbouring samples and between repeated runs. A flexible model "
+    "of the same signals and their past predicts {:.0f} % of the gap on held-out runs."
 )
 _MOVED = "position", "pressure", "command"
 _DRIVING = *_MOVED, "flow"
@@ -166,7 +166,7 @@ class SignalEvidence(PortEvidence):
         """Return the sentence on residuals of which a flexible learner predicts a share."""
         told = [_NOISE.format(100.0 * share)]
         if self.equation.sense < 0:
-            told.append("Effects add to y: the target is the driving force, not the delivered one.")
+            told.append("Effects are added to y: it is taken as the driving force, not the delivered one.")
         if still := [self.spoken(role) for role in self.equation.table if self.sizes.spans[role] == 0.0]:
             told.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
         return told

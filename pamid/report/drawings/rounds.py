@@ -36,7 +36,7 @@ def rounds_figure(d: Diagnosis) -> Figure:
         belief.legend(fontsize=7, frameon=False)
         _interval(d, seconds, interval)
         left.plot(seconds, [100.0 * r.left for r in rounds], "o-", color=GREY)
-        left.set(xlabel="time recorded / s", ylabel="left of the gap / %", ylim=(-4.0, 104.0))
+        left.set(xlabel="time recorded / s", ylabel="remaining gap / %", ylim=(-4.0, 104.0))
     return figure
 
 
