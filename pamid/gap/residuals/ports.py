@@ -28,6 +28,7 @@ from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
+from .coarse import noisy_copy
 from .linked import UNTURNED, Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
@@ -78,6 +79,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     """Whether the simulator is run over each sample, since its motion within one matters."""
     _u: np.ndarray
     """Inputs at each row."""
+    n: int
+    """Samples per window."""
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False, lines: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
@@ -291,12 +294,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         rng = np.random.RandomState(0)
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
-        drawn = np.zeros((REPLICATES, len(self.value)))
-        self._copies: list[dict[str, np.ndarray]] = []
-        for k in range(REPLICATES):
-            noise = {n: x + sigma[n] * rng.standard_normal(len(x)) for n, x in self.log.channels.items()}
-            drawn[k] = self._residual(self._own, self.simulator.numbers, noise) - self.value
-            self._copies.append(noise)
+        self._copies = [noisy_copy(self.log, sigma, known, self.n, rng) for _ in range(REPLICATES)]
+        drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
         self._drawn, self._whitening = drawn, Whitening()
         for k, part in enumerate(self.parts):
