@@ -14,7 +14,7 @@ import numpy as np
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
 from pamid.explained import explained_by
 
-from ._rows import Notes, free_name, in_order
+from ._rows import Notes, free_name, note_sampling
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
 from .joining import is_joined
@@ -86,7 +86,8 @@ def read_log_pieces(
     """
     if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
         raise ParameterError(f"rows is {rows!r}.", "a whole number of at least 1", "Correct it.")
-    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    overrides = {"time_order": time_order, "duplicates": duplicates}
+    settings = log_settings(mapping, nan, sampling, ambient_pressure=ambient_pressure, **overrides)
     return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
 
 
@@ -135,7 +136,7 @@ def read_log_part(
     >>> part["trajectory"].tolist(), rows
     (['a', 'a', 'd', 'd'], 8)
     """
-    settings = log_settings(mapping, nan, "warn", None, None, None)
+    settings = log_settings(mapping, nan, "warn")
     files = find_logs(paths)
     if len(files) == 1 and files[0].stat().st_size:
         slicer = _SLICERS.get(format_of(files[0], settings.encoding).name)
@@ -158,7 +159,8 @@ def _spread(
     notes = Notes()
     tables = [RawTable(frame) for frame in sliced.read(spread_evenly(np.diff([0, *sliced.ends]), most))]
     parts = [part for table in tables for part in tidy_tables([table], None, settings, path, nan, check_units, notes)]
-    log = in_order(pd.concat(parts, ignore_index=True), notes)
+    log = pd.concat(parts, ignore_index=True)
+    note_sampling(log, notes)
     say_notes(notes, "warn", stacklevel=4)
     return log[:most]
 
@@ -205,7 +207,8 @@ def _pieces(
             taken |= dict.fromkeys([*names, *new.values()], path)
             if any(k != v for k, v in new.items()):
                 frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
-            yield in_order(frame, notes)
+            note_sampling(frame, notes)
+            yield frame
     say_notes(notes, sampling, stacklevel=3)
 
 

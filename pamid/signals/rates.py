@@ -335,12 +335,9 @@ def _smooth_channels(
 
 def _read_back(results: tuple[np.ndarray, ...], at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Interpolate from equal steps to the given times, in steps."""
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
     value, rate, second = results
-    k = np.clip(at.astype(int), 0, len(value) - 2)
-    s = (at - k)[:, None]
-
-    def hermite(f: np.ndarray, d: np.ndarray) -> np.ndarray:
-        jump = f[k + 1] - f[k]
-        return f[k] + s * (d[k] + s * (3 * jump - 2 * d[k] - d[k + 1] + s * (d[k] + d[k + 1] - 2 * jump)))
-
-    return hermite(value, rate), hermite(rate, second), second[k] + s * (second[k + 1] - second[k])
+    steps = np.arange(len(value))
+    carried = CubicHermiteSpline(steps, value, rate)(at), CubicHermiteSpline(steps, rate, second)(at)
+    return *carried, make_interp_spline(steps, second, k=1)(at)

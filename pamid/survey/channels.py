@@ -9,7 +9,7 @@ import numpy as np
 
 from ..signals import noise_level
 from ..signals.noise import quantisation_step
-from ..signals.stretches import stuck_rows
+from ..signals.stretches import stretches_of, stuck_rows
 from ..signals.thinning import spaced
 from ..signals.units import SI_UNITS, base_name, dimension_of
 
@@ -123,9 +123,7 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
 def _longest(run: pd.DataFrame, name: str) -> float:
     bad = ~np.isfinite(run[name].to_numpy(dtype=float))
     time = run["time"].to_numpy(dtype=float)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
-    last = len(time) - 1
-    return max([float(time[min(b, last)] - time[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)] or [0.0])
+    return max((float(time[min(b, len(time) - 1)] - time[a]) for a, b in stretches_of(bad)), default=0.0)
 
 
 def _activity(y: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..signals import differentiate, noise_level, tune_cutoff
+from ..signals.stretches import stretches_of
 from ..signals.thinning import spaced
 from .sampling import Sampling, between_pauses
 
@@ -220,9 +221,7 @@ def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling)
     top = float(np.quantile(np.abs(every), 0.995))
     limit = _STILL * top
     for run, t, _, _, rate in smooth:
-        still = np.abs(rate) < limit
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
+        for a, b in stretches_of(np.abs(rate) < limit):
             holds.append(float(t[b - 1] - t[a]))
             if pressure and b - a > 20:
                 held.append(_swing(run[pressure].to_numpy(dtype=float)[a:b]))
