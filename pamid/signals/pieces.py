@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
+from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError
 from pamid.explained import explained_by
 
 from ._rows import Notes, free_name, note_sampling
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
+from .formats._foreign import whole_file
 from .joining import is_joined
 from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
@@ -260,21 +262,28 @@ def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> 
         )
 
 
-def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
+@contextmanager
+def _parquet_file(path: Path) -> Iterator[Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
-            schema, total = file.schema_arrow, file.metadata.num_rows
-            flat = flat_columns(schema, settings)
-            named = names_column(flat, settings)
-            ends, met = [total], list[Any]()
-            if named is not None:
-                batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
-                ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows, met)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _damaged(path, error) from None
+    # Buffered ahead, all row groups that were read would be kept until the file is closed.
+    with (
+        whole_file(path, (pa.ArrowException, OSError, ValueError)),
+        pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file,
+    ):
+        yield file
+
+
+def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
+    with _parquet_file(path) as file:
+        schema, total = file.schema_arrow, file.metadata.num_rows
+        flat = flat_columns(schema, settings)
+        named = names_column(flat, settings)
+        ends, met = [total], list[Any]()
+        if named is not None:
+            batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
+            ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows, met)
     if total == 0:
         return None
     _require_size(path, ends, len(flat), max_bytes)
@@ -285,37 +294,25 @@ def _parquet_slices(
     path: Path, columns: list[str], ends: list[int], chosen: Collection[int] | None = None
 ) -> Iterator[pd.DataFrame]:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     from .formats.parquet import frame_of
 
-    try:
-        # Buffered ahead, all row groups that were read would be kept until the file is closed.
-        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
-            waiting: list[Any] = []
-            held, left = 0, deque(enumerate(b - a for a, b in zip([0, *ends], ends, strict=False)))
-            for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
-                waiting.append(batch)
-                held += len(batch)
-                while left and held >= left[0][1]:
-                    number, rows = left.popleft()
-                    table = pa.Table.from_batches(waiting)
-                    rest = table.slice(rows)
-                    # Zero-copy slices would keep what is behind them; the last batch alone is copied.
-                    waiting = rest.to_batches()[-1:] if rest.num_rows else []
-                    held = rest.num_rows
-                    if chosen is None or number in chosen:
-                        yield frame_of(table.slice(0, rows), path)
-                    del table, rest
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: Path, error: Exception) -> Exception:
-    if isinstance(error, HostileLogError):
-        return error
-    said = (str(error).splitlines() or ["no detail"])[0][:160]
-    return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a complete file", "Copy the log again.")
+    with _parquet_file(path) as file:
+        waiting: list[Any] = []
+        held, left = 0, deque(enumerate(b - a for a, b in zip([0, *ends], ends, strict=False)))
+        for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
+            waiting.append(batch)
+            held += len(batch)
+            while left and held >= left[0][1]:
+                number, rows = left.popleft()
+                table = pa.Table.from_batches(waiting)
+                rest = table.slice(rows)
+                # Zero-copy slices would keep what is behind them; the last batch alone is copied.
+                waiting = rest.to_batches()[-1:] if rest.num_rows else []
+                held = rest.num_rows
+                if chosen is None or number in chosen:
+                    yield frame_of(table.slice(0, rows), path)
+                del table, rest
 
 
 def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
@@ -325,23 +322,20 @@ def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced
 
     if settings.trajectories is not None or settings.zero_run is not None:
         return None
-    try:
-        with h5py.File(path, "r") as file:
-            found: dict[str, Any] = {}
-            collect(file, "", found, [], depth=0)
-            tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
-            if is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
-                return None
-            group, table = tables[0]
-            if any(item.ndim != 1 for item in table.values()):
-                return None
-            columns = list(table)
-            named = names_column(columns, settings)
-            total = len(next(iter(table.values())))
-            met: list[Any] = []
-            ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows, met)
-    except OSError as error:
-        raise _damaged(path, error) from None
+    with whole_file(path, (OSError,)), h5py.File(path, "r") as file:
+        found: dict[str, Any] = {}
+        collect(file, "", found, [], depth=0)
+        tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
+        if is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
+            return None
+        group, table = tables[0]
+        if any(item.ndim != 1 for item in table.values()):
+            return None
+        columns = list(table)
+        named = names_column(columns, settings)
+        total = len(next(iter(table.values())))
+        met: list[Any] = []
+        ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows, met)
     _require_size(path, ends, len(columns), max_bytes)
     return Sliced(ends, len(set(met)) == len(met), partial(_hdf5_slices, path, group, columns, ends))
 
@@ -363,13 +357,10 @@ def _hdf5_slices(
     import h5py
     import pandas as pd
 
-    try:
-        with h5py.File(path, "r") as file:
-            for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):
-                if chosen is None or number in chosen:
-                    yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
-    except OSError as error:
-        raise _damaged(path, error) from None
+    with whole_file(path, (OSError,)), h5py.File(path, "r") as file:
+        for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):
+            if chosen is None or number in chosen:
+                yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
 
 
 _SLICERS: dict[str, Callable[[Path, LogMapping, int, int], Sliced | None]] = {"parquet": _parquet, "HDF5": _hdf5}
