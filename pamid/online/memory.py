@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects._terms import added
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import IncompatibleError
@@ -130,10 +131,7 @@ class StreamedEffect:
         return self.effect.replace(**{n: float(v) for n, v in zip(self.names, values, strict=True)})
 
     def _share(self, effect: Effect, s: Signals, memory: Any, n: int) -> np.ndarray:
-        if self.equation == "force":
-            return np.broadcast_to(np.asarray(effect.force(s, memory, self.plant), dtype=float), n)
-        step = effect.flow(s, memory, self.plant)
-        return np.broadcast_to(np.asarray(step.a + step.b * s.pressure_rate, dtype=float), n)
+        return np.broadcast_to(np.asarray(added(effect, self.equation, s, memory, self.plant), dtype=float), n)
 
     def _along(self, s: Signals) -> Any:
         """Return the memory at each sample of a block and keep it for the next."""
