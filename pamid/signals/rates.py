@@ -223,20 +223,22 @@ def tune_cutoff(
     >>> slow < fast
     True
     """
-    from .tuning import tune
-
     module = _method(method)
     single = not isinstance(signals, list | tuple) or not np.ndim(signals[0])
     runs = [signals] if single else list(signals)
     clocks = ([times] if single else list(times)) if times is not None else [None] * len(runs)
-    equal, periods, noises = [], [], []
-    for y, t in zip(runs, clocks, strict=True):
-        channel, _ = _as_channels(y)
-        grid = sampling_grid(t, sampling_period, warn=False)
-        equal.append(_on_equal_steps(channel[:, :1], grid, "savgol")[0][:, 0])
-        periods.append(grid.period)
-        noises.append(_noise(channel[:, 0], grid))
-    return tune(equal, periods, module.gain, noises, curved_ends=module.CURVED_ENDS)
+    channels = [_as_channels(y)[0][:, 0] for y in runs]
+    return _tuned(module, channels, [sampling_grid(t, sampling_period, warn=False) for t in clocks])
+
+
+def _tuned(module: ModuleType, runs: Sequence[np.ndarray], grids: Sequence[Grid]) -> float:
+    """Return the best cut-off frequency of one channel over its runs."""
+    from .tuning import tune
+
+    both = list(zip(runs, grids, strict=True))
+    equal = [_on_equal_steps(y[:, None], grid, "savgol")[0][:, 0] for y, grid in both]
+    noises = [_noise(y, grid) for y, grid in both]
+    return tune(equal, [grid.period for grid in grids], module.gain, noises, curved_ends=module.CURVED_ENDS)
 
 
 def _as_channels(y: Any) -> tuple[np.ndarray, bool]:
@@ -302,14 +304,7 @@ def _cutoffs(tuning: Any, y: np.ndarray, grid: Grid, method: str) -> np.ndarray:
     if isinstance(tuning, str):
         if tuning != "auto":
             raise UnknownOptionError(f"tuning is {tuning!r}.", "'auto' or a cut-off frequency in Hz", "Correct it.")
-        from .tuning import tune
-
-        module, equal = _method(method), _on_equal_steps(y, grid, "savgol")[0]
-        chosen = [
-            tune([equal[:, i]], [grid.period], module.gain, [_noise(y[:, i], grid)], curved_ends=module.CURVED_ENDS)
-            for i in range(channels)
-        ]
-        return np.array(chosen)
+        return np.array([_tuned(_method(method), [channel], [grid]) for channel in y.T])
     cutoffs = np.atleast_1d(np.asarray(tuning, dtype=float))
     if cutoffs.shape not in ((1,), (channels,)) or not np.isfinite(cutoffs).all() or (cutoffs <= 0).any():
         raise ParameterError(

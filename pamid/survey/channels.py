@@ -98,8 +98,7 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     longest = 0.0 if good.all() else max(_longest(run, name) for run in runs)
     for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]:
         values = run[name].to_numpy(dtype=float)
-        bad = ~np.isfinite(values)
-        values = values[~bad]
+        values = values[np.isfinite(values)]
         if len(values) > 20:
             noises.append(noise_level(values))
             steps.append(quantisation_step(values))

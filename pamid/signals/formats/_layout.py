@@ -1,4 +1,4 @@
-"""The layout of a text table: encoding, comments above it, delimiter, names of columns, fields per row."""
+"""The layout of a text table: encoding, what is above its rows, delimiter, names of columns, fields per row."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from pamid.errors import DuplicateColumnError, EmptyLogError, LogFormatError, MappingError
 
+from ..unit_names import unit_name
 from ._encoding import encoding_of
-from ._heading import heading_of
 
 if TYPE_CHECKING:
     from ..mapping import LogMapping
@@ -22,6 +22,7 @@ NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "-nan", "infinity", "-infinity"}
 _LINES = 400
 _COMMENT = "#"
+_ALIKE = 3  # rows that have to look like samples before the first of them counts as one
 
 
 class Layout(NamedTuple):
@@ -49,10 +50,11 @@ def layout_of(path: Path, mapping: LogMapping) -> Layout:
     delimiter = _given(mapping.delimiter) or _delimiter(rest)
     rows = list(numbered_rows(rest, delimiter))
     begins = len(comments)
-    heading = heading_of([[clean(t) for t in row] for _, row in rows], _is_value) if mapping.header is None else None
+    heading = _heading([[clean(t) for t in row] for _, row in rows]) if mapping.header is None else None
     if heading is not None:
-        begins, left = begins + rows[heading.rows - 1][0], [row for _, row in rows[heading.rows :]]
-        return _of_rows(path, mapping, encoding, delimiter, heading.names, begins, left)
+        columns, above = heading
+        begins, left = begins + rows[above - 1][0], [row for _, row in rows[above:]]
+        return _of_rows(path, mapping, encoding, delimiter, columns, begins, left)
     header = _has_header(rows[0][1], mapping.header)
     names = tuple(clean(t) for t in rows[0][1]) if header else None
     if header:
@@ -62,6 +64,38 @@ def layout_of(path: Path, mapping: LogMapping) -> Layout:
     if not rows:
         raise EmptyLogError(f"{path.name} holds a header and no rows.", "a table of samples", "Record the log again.")
     return _of_rows(path, mapping, encoding, delimiter, names, begins, [row for _, row in rows])
+
+
+def _heading(rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], int] | None:
+    """Find the names of columns, with the units below them, and the number of rows above the samples."""
+    width = Counter(len(row) for row in rows).most_common(1)[0][0]
+    if width < 2:
+        return None
+
+    def is_sample(row: Sequence[str]) -> bool:
+        return len(row) == width and sum(map(_is_value, row)) >= max(1, (width + 1) // 2)
+
+    first = next((k for k in range(len(rows)) if all(map(is_sample, rows[k : k + _ALIKE]))), 0)
+
+    def is_names(k: int) -> bool:
+        return 0 <= k < first and len(rows[k]) == width and not any(_is_value(t) for t in rows[k] if t) and any(rows[k])
+
+    if not is_names(first - 1):
+        return None
+    units = [unit_name(_bare(t)) for t in rows[first - 1]]
+    told = [t for t in rows[first - 1] if t]
+    if is_names(first - 2) and sum(u is not None for u in units) >= max(1, (len(told) + 1) // 2):
+        names = [
+            f"{name} [{_bare(unit)}]" if unit and name else name
+            for name, unit in zip(rows[first - 2], rows[first - 1], strict=True)
+        ]
+        return tuple(names), first
+    return (tuple(rows[first - 1]), first) if first > 1 else None
+
+
+def _bare(text: str) -> str:
+    """Return a unit without the brackets around it."""
+    return text.strip().removeprefix("[").removeprefix("(").removesuffix("]").removesuffix(")").strip()
 
 
 def _of_rows(
