@@ -290,7 +290,8 @@ def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: Stat
             raise ExportError(
                 f"The effect {effect.name} needs the numbers of the bench.", "a simulator file", "Add --sim SIM.toml."
             )
-        share: Any = partial(added, effect, law.equation, s, np.zeros(0), plant)
+        bench: Any = plant
+        share = partial(added, effect, law.equation, s, np.zeros(0), bench)
         total = total + _traced(share, f"The effect {effect.name}")
     return total
 

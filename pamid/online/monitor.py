@@ -16,7 +16,7 @@ from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
 from .alarm import DriftAlarm, threshold
 from .memory import StreamedEffect
-from .still import StillSensors
+from .sight import StillSensors
 
 HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")
 """Effects that may appear, by default."""

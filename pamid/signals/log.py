@@ -23,6 +23,7 @@ from pamid.errors import (
 )
 
 from ..files import replacing
+from ..names import require_one_of
 from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
 from ._tidy import Part, as_names, tidy
 from .formats import known_extensions
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
+_NAN, _SAMPLING = ("raise", "drop", "keep"), ("warn", "raise", "ignore")
 _MOST_FAULTS = 0.1  # share of impossible readings above which a wrong unit is likelier than a sensor fault
 
 
@@ -162,8 +164,8 @@ def log_settings(
     **overrides: str | None,
 ) -> LogMapping:
     """Return a checked mapping with the overrides of `read_log`'s arguments."""
-    _require(nan, "nan", ("raise", "drop", "keep"))
-    _require(sampling, "sampling", ("warn", "raise", "ignore"))
+    for name, value, offered in (("nan", nan, _NAN), ("sampling", sampling, _SAMPLING)):
+        require_one_of(value, offered, f"{name} is {value!r}.", "Correct it.", ParameterError)
     changes: dict[str, Any] = {name: value for name, value in overrides.items() if value is not None}
     if ambient_pressure is not None:
         changes["ambient_pressure"] = float(ambient_pressure)
@@ -248,11 +250,6 @@ def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
         raise sampling_error(said)
     if said and sampling == "warn":
         warnings.warn("; ".join(said) + ".", SamplingWarning, stacklevel=stacklevel)
-
-
-def _require(value: str, name: str, offered: tuple[str, ...]) -> None:
-    if value not in offered:
-        raise ParameterError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct it.")
 
 
 def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:

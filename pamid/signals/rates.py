@@ -21,6 +21,7 @@ from pamid.errors import (
     UnknownOptionError,
 )
 
+from ..names import require_one_of
 from .noise import noise_level
 
 METHODS = ("savgol", "spline", "kalman")
@@ -42,8 +43,7 @@ class Grid(NamedTuple):
 
 
 def _method(name: str) -> ModuleType:
-    if name not in METHODS:
-        raise UnknownOptionError(f"method is {name!r}.", f"one of {', '.join(METHODS)}", "Choose one of them.")
+    require_one_of(name, METHODS, f"method is {name!r}.", "Choose one of them.")
     return importlib.import_module(f"pamid.signals.{name}")
 
 
