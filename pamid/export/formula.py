@@ -86,7 +86,7 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     found = model.formulas(signals)
     if not found:
         return None
-    outputs = tuple(Output(n, n, unit, as_symbol(value)) for n, (unit, value) in found.items())
+    outputs = tuple(Output(n, unit, as_symbol(value)) for n, (unit, value) in found.items())
     lift = None
     if isinstance(model, WithLift):
         elements, numbers = model.lift_formulas(signals)

@@ -41,8 +41,6 @@ class Output:
 
     name: str
     """Name of the equation: ``"force"`` or ``"flow"``."""
-    column: str
-    """Its column in a log."""
     unit: str
     """Its unit."""
     formula: Symbol
@@ -268,7 +266,7 @@ def _output(law: Law, effects: Sequence[Effect], plant: Plant | None, tracer: Tr
         for effect in tracer.effects:
             own = _traced(partial(tracer.added, effect, law.equation), f"The effect {effect.name}")
             formula = as_symbol(formula + as_symbol(own))
-    return Output(law.equation, law.target, law.unit, formula)
+    return Output(law.equation, law.unit, formula)
 
 
 def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: State) -> Any:
