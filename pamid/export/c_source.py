@@ -11,7 +11,7 @@ import numpy as np
 from ..volume.contact import POINTS, SHARES
 from .expression import Symbol, in_order, symbol
 from .memory import BEFORE
-from .plan import JET, STEP, UNITS, ExportPlan, Plan
+from .plan import JET, STEP, UNITS, ExportPlan, ModelPlan
 from .reference import SERIES_BELOW, Reference
 
 REALS = {"float64": "double", "float32": "float"}
@@ -49,7 +49,7 @@ def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") ->
 _FILES = {".h": "model.h", ".c": "model.c", "_selftest.c": "selftest.c"}
 
 
-def common_values(plan: Plan, reference: Reference, dtype: str, further: Sequence[str] = ()) -> dict[str, Any]:
+def common_values(plan: ModelPlan, reference: Reference, dtype: str, further: Sequence[str] = ()) -> dict[str, Any]:
     """Return what the templates of all models say: names, units and notes, and the values of the self-test."""
     outputs = ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs)
     inputs = ", ".join(f"{n} ({u})" for n, u in plan.inputs.items())

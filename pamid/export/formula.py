@@ -14,7 +14,7 @@ from ..errors import ExportError
 from ..requirements import WithFormulas, WithLift, WithScaledInputs
 from .c_source import Writer, common_values, fill, statements
 from .expression import Symbol, as_symbol, symbol
-from .plan import UNITS, Output, Plan
+from .plan import UNITS, ModelPlan, Output
 from .reference import Reference
 
 SIGNALS = UNITS | {
@@ -60,7 +60,7 @@ class Lift:
 
 
 @dataclass(frozen=True)
-class FormulaPlan(Plan):
+class FormulaPlan(ModelPlan):
     """A formula of signals."""
 
     lift: Lift | None

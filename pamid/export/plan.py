@@ -48,7 +48,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Plan:
+class ModelPlan:
     """A model ready to be written in another language."""
 
     name: str
@@ -75,7 +75,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class ExportPlan(Plan):
+class ExportPlan(ModelPlan):
     """A model with a gas volume."""
 
     anchor: ContactVolume | None

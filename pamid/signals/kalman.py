@@ -3,6 +3,7 @@
 The state is (value, rate, acceleration), driven by white jerk; the value is measured. filterpy runs the first stretch,
 where the gain still changes; from there on the gain is constant, and filter and smoother are first-order recursions.
 filterpy's ready-made kinematic filters measure sums of axes in version 2; F, H and Q are therefore built here.
+Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-SOURCE = "Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation"
 CURVED_ENDS = False
 _HALF_POWER = np.sqrt(2.0) - 1.0
 _LOWEST = 2e-4

@@ -387,6 +387,11 @@ class LogMapping:
         if self.sampling_period is not None and not self.sampling_period > 0:
             raise MappingError(f"sampling_period is {self.sampling_period}.", "a positive time in s", "Correct it.")
 
+    @property
+    def run_column(self) -> str | int:
+        """Column that names the runs."""
+        return "trajectory" if self.trajectory is None else self.trajectory
+
     def constants_of(self, path: str | Path) -> dict[str, float]:
         """Collect the constants of one file, in SI.
 

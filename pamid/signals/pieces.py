@@ -33,6 +33,7 @@ ROWS = 1_000_000
 _BATCH = 65_536
 
 
+@explained_by(read_log)
 def read_log_pieces(
     paths: PathLike | Iterable[PathLike],
     mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
@@ -50,18 +51,13 @@ def read_log_pieces(
 
     Parquet files, and HDF5 files that hold one table of vectors (what `write_log` writes), are read in slices; other
     files as a whole, one after the other. A piece has at most `rows` rows, or one run that is longer. Reading
-    and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log.
+    and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log. The
+    warning on sampling comes after the last piece.
 
     Parameters
     ----------
-    paths : str, Path or iterable of them
-        Files, folders or patterns.
-    mapping : LogMapping, dict, path of a TOML file, optional
-        Names, units, references and constants of the log.
     rows : int, default=1000000
         Maximum number of rows of a piece of several runs.
-    nan, time_order, duplicates, sampling, check_units, ambient_pressure : optional
-        As for `read_log`; the warning on sampling comes after the last piece.
     max_bytes : int, default=16 GiB
         Largest size of a piece in memory.
 

@@ -1,4 +1,7 @@
-"""Savitzky-Golay rates: the derivative of a cubic fitted in a moving window."""
+"""Savitzky-Golay rates: the derivative of a cubic fitted in a moving window.
+
+Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ import numpy as np
 
 DEGREE = 3
 CURVED_ENDS = True
-SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097"
 
 
 def window_of(cutoff: float, n: int | None = None) -> int:

@@ -94,16 +94,10 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     if not good.any():
         return Channel(name, unit, np.nan, np.nan, 1.0, float("nan"), 0.0, "", np.nan, 0.0, False)
     low, high = float(y[good].min()), float(y[good].max())
-    noises, steps = [], []
     longest = 0.0 if good.all() else max(_longest(run, name) for run in runs)
-    for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]:
-        values = run[name].to_numpy(dtype=float)
-        values = values[np.isfinite(values)]
-        if len(values) > 20:
-            noises.append(noise_level(values))
-            steps.append(quantisation_step(values))
-    noise = float(np.median(noises)) if noises else 0.0
-    step = float(np.median(steps)) if steps else 0.0
+    read = [run[name].to_numpy(dtype=float) for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]]
+    known = [x[np.isfinite(x)] for x in read if np.isfinite(x).sum() > 20]
+    noise, step = (float(np.median([of(x) for x in known] or [0.0])) for of in (noise_level, quantisation_step))
     return Channel(
         name=name,
         unit=unit,

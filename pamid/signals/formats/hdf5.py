@@ -9,7 +9,7 @@ import numpy as np
 
 from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
-from . import TRAJECTORY, Format, RawTable
+from . import Format, RawTable
 from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             found: dict[str, Any] = {}
             refused: list[str] = []
             collect(file, "", found, refused, depth=0)
-            silent = f"({_TEXT})" if matlab else f"'{_wanted(mapping)}' ({_TEXT})"
+            silent = f"({_TEXT})" if matlab else f"'{mapping.run_column}' ({_TEXT})"
             refused = [r for r in refused if not r.endswith(silent)]
             of_names = _names_variable(file, mapping, path, max_bytes, matlab) if not _has_names(found, mapping) else {}
             if not found:
@@ -65,12 +65,8 @@ def is_matlab(path: Path, file: h5py.File) -> bool:
     return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
 
 
-def _wanted(mapping: LogMapping) -> str | int:
-    return TRAJECTORY if mapping.trajectory is None else mapping.trajectory
-
-
 def _has_names(found: dict[str, Any], mapping: LogMapping) -> bool:
-    return any(isinstance(item, dict) and _wanted(mapping) in item for item in found.values())
+    return any(isinstance(item, dict) and mapping.run_column in item for item in found.values())
 
 
 def _names_variable(
@@ -79,7 +75,7 @@ def _names_variable(
     """Return the text variable that names each row's run; a log is never read without these names."""
     import h5py
 
-    wanted = _wanted(mapping)
+    wanted = mapping.run_column
     item = _children(file).get(wanted) if isinstance(wanted, str) else None
     if not isinstance(item, h5py.Dataset) or (_numeric(item.dtype) and not (matlab and _class_of(item) == "char")):
         return {}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pamid.errors import ColumnTypeError, HostileLogError
 
-from . import TRAJECTORY, Format, RawTable
+from . import Format, RawTable
 from ._mat5 import Variable, contents, load
 from ._variables import require_size, select, tables
 
@@ -44,7 +44,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 def _names_variable(listing: dict[str, Variable], mapping: LogMapping, path: Path) -> list[str]:
     """Return the text variable that names each row's run; a log is never read without these names."""
-    wanted = TRAJECTORY if mapping.trajectory is None else mapping.trajectory
+    wanted = mapping.run_column
     kind = listing[wanted].kind if isinstance(wanted, str) and wanted in listing else "number"
     if kind in ("char", "cell"):
         return [str(wanted)]
