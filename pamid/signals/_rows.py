@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -80,6 +80,13 @@ def free_name(wanted: str, taken: Container[str]) -> str:
     """Return a name that no run has yet: the wanted one, with a number if necessary."""
     numbered = (f"{wanted}#{k}" for k in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
+
+
+def with_names(frame: pd.DataFrame, new: Mapping[str, str]) -> pd.DataFrame:
+    """Return a frame with its runs called otherwise."""
+    if all(before == after for before, after in new.items()):
+        return frame
+    return frame.assign(trajectory=frame["trajectory"].map(new))
 
 
 def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:

@@ -24,7 +24,7 @@ from pamid.errors import (
 
 from ..files import replacing
 from ..names import require_one_of
-from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error
+from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error, with_names
 from ._tidy import Part, as_names, tidy
 from .formats import known_extensions
 from .formats._variables import natural
@@ -319,16 +319,11 @@ def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd
     taken: set[str] = {name for name, count in uses.items() if count == 1}
     for (_, parts), label in zip(frames, labels, strict=True):
         for part in parts:
-            renamed = {}
-            for name in part["trajectory"].unique():
-                new = name
-                if uses[name] > 1:
-                    new = free_name(f"{name}@{label}" if len(frames) > 1 else name, taken)
-                    taken.add(new)
-                renamed[name] = new
-            if any(k != v for k, v in renamed.items()):
-                part = part.assign(trajectory=part["trajectory"].map(renamed))
-            result.append(part)
+            renamed = {name: name for name in part["trajectory"].unique()}
+            for name in (n for n in renamed if uses[n] > 1):
+                renamed[name] = free_name(f"{name}@{label}" if len(frames) > 1 else name, taken)
+                taken.add(renamed[name])
+            result.append(with_names(part, renamed))
     return result
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError
 from pamid.explained import explained_by
 
-from ._rows import Notes, free_name, note_sampling
+from ._rows import Notes, free_name, note_sampling, with_names
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
 from .formats._foreign import whole_file
@@ -203,8 +203,7 @@ def _pieces(
                 )
             new = {n: free_name(f"{n}@{label}", taken) if n in taken else n for n in names}
             taken |= dict.fromkeys([*names, *new.values()], path)
-            if any(k != v for k, v in new.items()):
-                frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
+            frame = with_names(frame, new)
             note_sampling(frame, notes)
             yield frame
     say_notes(notes, sampling, stacklevel=3)

@@ -49,21 +49,35 @@ def layout_of(path: Path, mapping: LogMapping) -> Layout:
         raise EmptyLogError(f"{path.name} holds no rows.", "a table with at least two rows", "Record the log again.")
     delimiter = _given(mapping.delimiter) or _delimiter(rest)
     rows = list(numbered_rows(rest, delimiter))
+    names, above = _names_above([[clean(t) for t in row] for _, row in rows], mapping.header)
     begins = len(comments)
-    heading = _heading([[clean(t) for t in row] for _, row in rows]) if mapping.header is None else None
-    if heading is not None:
-        columns, above = heading
-        begins, left = begins + rows[above - 1][0], [row for _, row in rows[above:]]
-        return _of_rows(path, mapping, encoding, delimiter, columns, begins, left)
-    header = _has_header(rows[0][1], mapping.header)
-    names = tuple(clean(t) for t in rows[0][1]) if header else None
-    if header:
-        begins, rows = begins + rows[0][0], rows[1:]
-    elif marked := _rows_among(comments, delimiter, len(rows[0][1])):
-        begins -= marked
+    if above:
+        begins, rows = begins + rows[above - 1][0], rows[above:]
+    else:
+        begins -= _rows_among(comments, delimiter, len(rows[0][1]))
     if not rows:
         raise EmptyLogError(f"{path.name} holds a header and no rows.", "a table of samples", "Record the log again.")
-    return _of_rows(path, mapping, encoding, delimiter, names, begins, [row for _, row in rows])
+    fields = [row for _, row in rows]
+    usual = Counter(map(len, fields)).most_common(1)[0][0]
+    behind = delimiter != " " and usual > 1 and all(not row[-1].strip() for row in fields if len(row) == usual)
+    if names is not None:
+        if behind and len(names) == usual and not names[-1]:
+            names = names[:-1]
+        behind = behind and usual == len(names) + 1
+        _require_unique(names, path)
+    decimal = mapping.decimal or _decimal(fields, delimiter)
+    width = len(names) if names is not None else usual - behind
+    return Layout(encoding, delimiter, names, width, begins, decimal, behind)
+
+
+def _names_above(rows: Sequence[Sequence[str]], header: bool | None) -> tuple[tuple[str, ...] | None, int]:
+    """Return the names of columns, None where there are none, and the number of rows above the samples."""
+    if header is None and (heading := _heading(rows)) is not None:
+        return heading
+    if header is None:
+        first = rows[0]
+        header = not any(NUMBER.match(t) for t in first) and any(t.lower() not in MISSING for t in first)
+    return (tuple(rows[0]), 1) if header else (None, 0)
 
 
 def _heading(rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], int] | None:
@@ -96,27 +110,6 @@ def _heading(rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], int] | Non
 def _bare(text: str) -> str:
     """Return a unit without the brackets around it."""
     return text.strip().removeprefix("[").removeprefix("(").removesuffix("]").removesuffix(")").strip()
-
-
-def _of_rows(
-    path: Path,
-    mapping: LogMapping,
-    encoding: str,
-    delimiter: str,
-    names: tuple[str, ...] | None,
-    begins: int,
-    rows: list[list[str]],
-) -> Layout:
-    usual = Counter(len(row) for row in rows).most_common(1)[0][0]
-    behind = delimiter != " " and usual > 1 and all(not row[-1].strip() for row in rows if len(row) == usual)
-    if names is not None:
-        if behind and len(names) == usual and not names[-1]:
-            names = names[:-1]
-        behind = behind and usual == len(names) + 1
-        _require_unique(names, path)
-    decimal = mapping.decimal or _decimal(rows, delimiter)
-    width = len(names) if names is not None else usual - behind
-    return Layout(encoding, delimiter, names, width, begins, decimal, behind)
 
 
 def _given(delimiter: str | None) -> str | None:
@@ -215,12 +208,6 @@ def _tolerant_rows(lines: list[str], delimiter: str) -> list[tuple[int, list[str
         return list(numbered_rows(lines, delimiter))
     except csv.Error:
         return []
-
-
-def _has_header(tokens: list[str], given: bool | None) -> bool:
-    if given is not None:
-        return given
-    return not any(NUMBER.match(clean(t)) for t in tokens) and any(clean(t).lower() not in MISSING for t in tokens)
 
 
 def _is_value(token: str) -> bool:
