@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -104,7 +104,7 @@ def _steps(start: float, stop: float, period: float) -> np.ndarray:
 
 
 def _carried(
-    runs: Sequence[pd.DataFrame], name: object, new: np.ndarray, period: float, hold: Sequence[str]
+    runs: Sequence[pd.DataFrame], name: Any, new: np.ndarray, period: float, hold: Sequence[str]
 ) -> pd.DataFrame:
     """Return the signals of a run, from one log or several, at new times."""
     import pandas as pd
