@@ -15,7 +15,7 @@ from sklearn.utils.validation import column_or_1d
 from pamid.effects._terms import of_causes
 from pamid.effects.plant import Plant
 from pamid.errors import EffectsWarning, IncompatibleError, MissingColumnError, ShapeError, UnknownOptionError
-from pamid.signals.roles import ROLES
+from pamid.signals.state import ROLES
 
 from ._trajectories import has_trajectory_column
 

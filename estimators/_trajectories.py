@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pandas as pd
 from sklearn.utils.validation import _num_samples
 
 from pamid.errors import ColumnTypeError, InterleavedTrajectoryError, MissingTrajectoryError, ShapeError
+from pamid.signals.stretches import equal_stretches
 
 TRAJECTORY = "trajectory"
 """Name of the column that says to which run a row belongs."""
@@ -81,10 +81,10 @@ def trajectory_codes(
         )
     codes = keys[0] if len(keys) == 1 else pd.factorize(keys[0].astype(np.int64) * (keys[1].max() + 1) + keys[1])[0]
     if needed_by is not None:
-        borders = np.flatnonzero(np.diff(codes)) + 1
-        if len(borders) + 1 != len(np.unique(codes)):
+        blocks = equal_stretches(codes)
+        if len(blocks) != len(np.unique(codes)):
             raise InterleavedTrajectoryError(
-                f"{needed_by} got {len(np.unique(codes))} runs in {len(borders) + 1} separate blocks of rows.",
+                f"{needed_by} got {len(np.unique(codes))} runs in {len(blocks)} separate blocks of rows.",
                 "the rows of each run to be contiguous and in time order",
                 "Sort the table by run and time, and do not shuffle rows.",
             )
@@ -101,6 +101,4 @@ def run_codes(estimator: Any, X: Any, groups: Any, *, one_trajectory: bool | Non
 
 def trajectory_slices(codes: np.ndarray) -> list[slice]:
     """Return the rows of each run as slices, for codes that are contiguous."""
-    borders = np.flatnonzero(np.diff(codes)) + 1
-    edges = [0, *borders.tolist(), len(codes)]
-    return [slice(a, b) for a, b in pairwise(edges)]
+    return [slice(a, b) for a, b in equal_stretches(codes)]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from itertools import pairwise
 from typing import Any, ClassVar
 
 import numpy as np
@@ -19,6 +18,7 @@ from pamid.online.alarm import DriftAlarm, threshold
 from pamid.online.memory import StreamedEffect
 from pamid.online.recursive import RecursiveEstimate
 from pamid.signals.state import STATE_SIGNALS, State
+from pamid.signals.stretches import equal_stretches
 from pamid.volume.base import VolumeModel
 from pamid.volume.scaled import ScaledVolume
 
@@ -309,10 +309,9 @@ class OnlineAdapter(SignalRegressor):
         f = predicted(source, inner)[:, 0]
         if not streamed:
             return f[:, None], values[0] * f
-        ends = [0, len(f)] if codes is None else [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(f)]
         H, total = np.empty((len(f), len(values))), values[0] * f
         H[:, 0] = f
-        for a, b in pairwise(ends):
+        for a, b in [(0, len(f))] if codes is None else equal_stretches(codes):
             column = 1
             for effect in streamed:
                 if a:

@@ -7,28 +7,21 @@ loads none of numpy, pandas, scikit-learn or torch. Estimators are in `pamid.est
 from __future__ import annotations
 
 from ._checkout import find_estimators
-from ._lazy import attach
+from ._lazy import attach, homes
 
 find_estimators()
 
 __version__ = "0.1.0"
 
-_HOME = {
-    "BenchParameters": "bench",
-    "dataset": "bench",
-    "diagnose": "any_simulator",
-    "evaluate": "gap",
-    "evaluate_log": "equations",
-    "inspect": "persistence",
-    "load": "persistence",
-    "next_run": "gap",
-    "read_log": "signals",
-    "read_simulator": "any_simulator",
-    "save": "persistence",
-    "second_opinion": "opinion",
-    "simulate": "bench",
-    "write_log": "signals",
-}
+_HOME = homes(
+    bench="BenchParameters dataset simulate",
+    any_simulator="diagnose read_simulator",
+    gap="evaluate next_run",
+    equations="evaluate_log",
+    persistence="inspect load save",
+    signals="read_log write_log",
+    opinion="second_opinion",
+)
 """In which room each public name lives."""
 
 _ROOMS = (

@@ -12,6 +12,11 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 
+def homes(**modules: str) -> dict[str, str]:
+    """Return the module of each name, from the names that each module gives."""
+    return {name: module for module, names in modules.items() for name in names.split()}
+
+
 def attach(package: str, home: Mapping[str, str]) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """Make ``__getattr__``, ``__dir__`` and ``__all__`` of a package (PEP 562)."""
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from .._lazy import attach, renamed
+from .._lazy import attach, homes, renamed
 
-_HOME = {
-    "compare": "run",
-    "Comparison": "comparison",
-    "CandidateModel": "entries",
-    "candidates": "entries",
-    "Prepared": "protocol",
-    "prepare": "protocol",
-    "ResidualTest": "whiteness",
-    "residual_test": "whiteness",
-}
+_HOME = homes(
+    run="compare",
+    comparison="Comparison",
+    entries="CandidateModel candidates",
+    protocol="Prepared prepare",
+    whiteness="ResidualTest residual_test",
+)
 """In which module each public name lives."""
 
 _lookup, __dir__, __all__ = attach(__name__, _HOME)

@@ -6,8 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..signals.roles import ROLES
-from ..signals.state import Array
+from ..signals.state import ROLES, Array
 from ._delay import delayed_rows, memory, shift
 from ._memory import relax, relax_along
 from .base import Effect, Signals

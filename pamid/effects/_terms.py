@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares, lsq_linear
@@ -116,11 +116,11 @@ def terms_of(effects: Sequence[Effect], equation: str, log: WholeLog, plant: Pla
         linear = [p for p in effect.parameters if p.linear]
         none = changed(effect, **{p.name: 0.0 for p in linear})
         x = effect.trace(log.signals, plant, log.dt, log.starts) if effect.n_states else np.zeros((0,))
-        base = _added(none, equation, log.signals, x, plant)
+        base = added(none, equation, log.signals, x, plant)
         offset = offset + base
         for p in linear:
             unit = p.nominal or 1e-3 * p.upper
-            one = _added(changed(none, **{p.name: unit}), equation, log.signals, x, plant)
+            one = added(changed(none, **{p.name: unit}), equation, log.signals, x, plant)
             columns.append((one - base) / unit + np.zeros(n))
             of.append((i, p))
             memory.append(bool(effect.n_states) and p.position == 0)
@@ -128,11 +128,14 @@ def terms_of(effects: Sequence[Effect], equation: str, log: WholeLog, plant: Pla
     return Terms(offset, stacked, of, np.array(memory, dtype=bool))
 
 
-def _added(effect: Effect, equation: str, s: Signals, x: np.ndarray, plant: Plant) -> np.ndarray:
+def added(effect: Effect, equation: str, s: Signals, x: Any, plant: Plant) -> Any:
+    """Return what an effect adds to the force (N) or the flow (kg/s), from signals and states."""
+    if equation not in effect.hooks():
+        return 0.0
     if equation == "force":
-        return np.asarray(effect.force(s, x, plant), dtype=float)
+        return effect.force(s, x, plant)
     step = effect.flow(s, x, plant)
-    return np.asarray(step.a + step.b * s.pressure_rate, dtype=float)
+    return step.a + step.b * s.pressure_rate
 
 
 def fit_effects(

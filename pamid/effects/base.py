@@ -38,8 +38,7 @@ import numpy as np
 from ..errors import ParameterError, UnknownParameterError
 from ..names import refuse_others
 from ..signals.paths import Path
-from ..signals.roles import STATE_ROLES
-from ..signals.state import Array, State
+from ..signals.state import STATE_ROLES, Array, State
 from ._sources import explain
 from .plant import Plant
 from .values import Parameter, checked_value

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +18,7 @@ from ..errors import (
     TimeOrderError,
 )
 from ..signals.frames import as_pandas
+from ..signals.stretches import equal_stretches
 from ..signals.thinning import whole_trajectories
 from .run import MUSCLES, Model, Run
 from .stretch import stretches
@@ -85,14 +85,14 @@ class BenchLog:
         if not len(log):
             raise EmptyLogError("The log has no rows.", "at least one run", "Check how the log was written.")
         codes, names = pd.factorize(log["trajectory"], use_na_sentinel=False)
-        borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-        if len(borders) - 1 != len(names):
+        runs = equal_stretches(codes)
+        if len(runs) != len(names):
             raise InterleavedTrajectoryError(
-                f"The log has {len(names)} runs in {len(borders) - 1} separate blocks of rows.",
+                f"The log has {len(names)} runs in {len(runs)} separate blocks of rows.",
                 "the rows of each run together and in time order",
                 "Sort the log by run and time; give repeats separate names.",
             )
-        return [(str(names[codes[a]]), slice(a, b)) for a, b in pairwise(borders)]
+        return [(str(names[codes[a]]), slice(a, b)) for a, b in runs]
 
     def require_trajectories(self) -> None:
         """Raise where runs cannot be identified, see `trajectories`."""

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..volume.contact import POINTS, SHARES
-from .expression import Symbol, in_order
+from .expression import Symbol, in_order, symbol
 from .memory import BEFORE
-from .plan import JET, STEP, UNITS, ExportPlan
+from .plan import JET, STEP, UNITS, ExportPlan, ModelPlan
 from .reference import SERIES_BELOW, Reference
 
 REALS = {"float64": "double", "float32": "float"}
@@ -30,21 +30,7 @@ def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") ->
     """Write a plan as C."""
     write = Writer(dtype)
     tables = write.tables(plan)
-    values = {
-        "NAME_UPPER": plan.name.upper(),
-        "NAME": plan.name,
-        "REAL": REALS[dtype],
-        "WHAT": f"{' and '.join(o.name for o in plan.outputs)} of a pneumatic artificial muscle, from a "
-        f"{plan.estimator} by pamid",
-        "NOTES": "\n * ".join(
-            [
-                "Inputs:  " + ", ".join(f"{n} ({u})" for n, u in UNITS.items()),
-                "Outputs: " + ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs),
-                *plan.notes,
-            ]
-        ),
-        "N_OUTPUTS": len(plan.outputs),
-        "OUTPUTS_TEXT": ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs),
+    values = common_values(plan, reference, dtype, ("V", "dV/deps", "dV/dP")) | {
         "STACK": write.stack(plan),
         **_memory_parts(plan, write),
         "CONSTANTS": write.constants,
@@ -54,13 +40,33 @@ def c_sources(plan: ExportPlan, reference: Reference, dtype: str = "float64") ->
         ),
         "FUNCTIONS": _formulas(plan, write),
         "SINGLE": _single_outputs(plan),
-    } | _reference_values(plan, reference, dtype)
+    }
     sources = {f"{plan.name}{ending}": fill(name, values) for ending, name in _FILES.items()}
     sources[f"{plan.name}_parameters.h"] = tables
     return sources
 
 
 _FILES = {".h": "model.h", ".c": "model.c", "_selftest.c": "selftest.c"}
+
+
+def common_values(plan: ModelPlan, reference: Reference, dtype: str, further: Sequence[str] = ()) -> dict[str, Any]:
+    """Return what the templates of all models say: names, units and notes, and the values of the self-test."""
+    outputs = ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs)
+    inputs = ", ".join(f"{n} ({u})" for n, u in plan.inputs.items())
+    return {
+        "NAME_UPPER": plan.name.upper(),
+        "NAME": plan.name,
+        "REAL": REALS[dtype],
+        "WHAT": f"{plan.title} by pamid",
+        "NOTES": "\n * ".join([f"Inputs:  {inputs}", f"Outputs: {outputs}", *plan.notes]),
+        "N_OUTPUTS": len(plan.outputs),
+        "OUTPUTS_TEXT": outputs,
+        "ROWS": len(reference.inputs),
+        "INPUT_ROWS": _number_rows(reference.inputs),
+        "EXPECTED_ROWS": _number_rows(reference.expected),
+        "TOLERANCES": ", ".join(f"{v:.3g}" for v in reference.tolerance(dtype)),
+        "COLUMN_NAMES": ", ".join(f'"{n}"' for n in (*(o.name for o in plan.outputs), *further)),
+    }
 
 
 def fill(template: str, values: Mapping[str, Any]) -> str:
@@ -71,18 +77,7 @@ def fill(template: str, values: Mapping[str, Any]) -> str:
     return text
 
 
-def _reference_values(plan: ExportPlan, reference: Reference, dtype: str) -> dict[str, Any]:
-    names = [o.name for o in plan.outputs] + ["V", "dV/deps", "dV/dP"]
-    return {
-        "ROWS": len(reference.inputs),
-        "INPUT_ROWS": number_rows(reference.inputs),
-        "EXPECTED_ROWS": number_rows(reference.expected),
-        "TOLERANCES": ", ".join(f"{v:.3g}" for v in reference.tolerance(dtype)),
-        "COLUMN_NAMES": ", ".join(f'"{n}"' for n in names),
-    }
-
-
-def number_rows(values: np.ndarray) -> str:
+def _number_rows(values: np.ndarray) -> str:
     """Return the rows of a C array of arrays."""
     return ",\n".join("    {" + ", ".join(repr(float(v)) for v in row) + "}" for row in values)
 
@@ -250,17 +245,14 @@ def _formulas(plan: ExportPlan, write: Writer) -> str:
     """Return the function that reads all predictions from a volume."""
     name, upper = plan.name, plan.name.upper()
     names = _fields(plan) | {v: f"jet->{v}" for v in JET}
-    lines, results = statements([o.formula for o in plan.outputs], names, write)
-    return "\n".join(
-        [
-            f"static inline void formulas(const {name}_state *s, const {name}_jet *jet, real y[{upper}_OUTPUTS])",
-            "{",
-            *(f"    {line}" for line in lines),
-            *(f"    y[{k}] = {r};" for k, r in enumerate(results)),
-            *(["    (void)s;"] if not any("s->" in line for line in [*lines, *results]) else []),
-            "}",
-        ]
-    )
+    lines = statements([o.formula for o in plan.outputs], names, write, "y[{}]")
+    lines += [] if any("s->" in line for line in lines) else ["(void)s;"]
+    head = f"static inline void formulas(const {name}_state *s, const {name}_jet *jet, real y[{upper}_OUTPUTS])"
+    return _function(head, lines)
+
+
+def _function(head: str, lines: Sequence[str]) -> str:
+    return "\n".join([head, "{", *(f"    {line}" for line in lines), "}"])
 
 
 def _fields(plan: ExportPlan) -> dict[str, str]:
@@ -272,17 +264,8 @@ def _fields(plan: ExportPlan) -> dict[str, str]:
 def _network_inputs(plan: ExportPlan, write: Writer) -> str:
     """Return the function that gathers the network's inputs."""
     further = plan.memory.inputs if plan.memory else ()
-    lines, results = statements(further, _fields(plan), write)
-    results = [*(f"s->{s}" for s in UNITS), *results]
-    return "\n".join(
-        [
-            f"INLINE void network_inputs(const {plan.name}_state *s, real x[INPUTS])",
-            "{",
-            *(f"    {line}" for line in lines),
-            *(f"    x[{k}] = {r};" for k, r in enumerate(results)),
-            "}",
-        ]
-    )
+    lines = statements([*map(symbol, UNITS), *further], _fields(plan), write, "x[{}]")
+    return _function(f"INLINE void network_inputs(const {plan.name}_state *s, real x[INPUTS])", lines)
 
 
 def _memory_parts(plan: ExportPlan, write: Writer) -> dict[str, str]:
@@ -325,20 +308,11 @@ def _advance(head: str, formulas: Sequence[Symbol], write: Writer) -> str:
     """Return the function that replaces a state by that at a reading."""
     names = {s: f"r->{s}" for s in UNITS} | {BEFORE + s: f"s->{s}" for s in UNITS} | {"dt": "dt"}
     names |= {f"x{k}": f"s->memory[{k}]" for k in range(len(formulas) - 4)}
-    lines, results = statements(formulas, names, write)
+    lines = statements(formulas, names, write, "const real next{}")
+    unused = ["(void)dt;"] if "dt)" in head and not any("dt" in line for line in lines) else []
     targets = [*(f"s->{s}" for s in UNITS), *(f"s->memory[{k}]" for k in range(len(formulas) - 4))]
     # All from what was before, then all at once.
-    return "\n".join(
-        [
-            head,
-            "{",
-            *(f"    {line}" for line in lines),
-            *(f"    const real next{k} = {r};" for k, r in enumerate(results)),
-            *(f"    {target} = next{k};" for k, target in enumerate(targets)),
-            *(["    (void)dt;"] if "dt)" in head and not any("dt" in line for line in [*lines, *results]) else []),
-            "}",
-        ]
-    )
+    return _function(head, [*lines, *(f"{target} = next{k};" for k, target in enumerate(targets)), *unused])
 
 
 def _single_outputs(plan: ExportPlan) -> str:
@@ -351,8 +325,8 @@ def _single_outputs(plan: ExportPlan) -> str:
     )
 
 
-def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer) -> tuple[list[str], list[str]]:
-    """Return a C statement for each operation, and the variable of each result."""
+def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer, target: str) -> list[str]:
+    """Return a C statement for each operation, and those that assign the results to targets such as ``y[{}]``."""
     lines: list[str] = []
     known: dict[int, str] = {}
     for s in in_order(list(roots)):
@@ -365,7 +339,7 @@ def statements(roots: Sequence[Symbol], names: Mapping[str, str], write: Writer)
             kind = "int" if s.op in ("gt", "ge", "lt", "le", "and") else "real"
             lines.append(f"const {kind} t{len(lines)} = {_operation(s.op, a)};")
             known[id(s)] = f"t{len(lines) - 1}"
-    return lines, [known[id(r)] for r in roots]
+    return lines + [f"{target.format(k)} = {known[id(r)]};" for k, r in enumerate(roots)]
 
 
 def _operation(op: str, a: Sequence[str]) -> str:

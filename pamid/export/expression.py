@@ -17,32 +17,33 @@ import numpy as np
 
 from ..errors import ExportError
 
-_UFUNCS: dict[Any, str] = {
-    np.add: "add",
-    np.subtract: "sub",
-    np.multiply: "mul",
-    np.true_divide: "div",
-    np.negative: "neg",
-    np.absolute: "abs",
-    np.exp: "exp",
-    np.log: "log",
-    np.tanh: "tanh",
-    np.sin: "sin",
-    np.sqrt: "sqrt",
-    np.minimum: "min",
-    np.maximum: "max",
-    np.greater: "gt",
-    np.greater_equal: "ge",
-    np.less: "lt",
-    np.less_equal: "le",
-    np.logical_and: "and",
-    np.bitwise_and: "and",
-    np.power: "pow",
+_OPERATIONS: dict[str, tuple[Callable[..., Any] | None, Any]] = {
+    "add": (operator.add, np.add),
+    "sub": (operator.sub, np.subtract),
+    "mul": (operator.mul, np.multiply),
+    "div": (operator.truediv, np.true_divide),
+    "neg": (operator.neg, np.negative),
+    "abs": (abs, np.absolute),
+    "exp": (math.exp, np.exp),
+    "log": (math.log, np.log),
+    "tanh": (math.tanh, np.tanh),
+    "sin": (math.sin, np.sin),
+    "sqrt": (math.sqrt, np.sqrt),
+    "pow": (operator.pow, np.power),
+    "min": (min, np.minimum),
+    "max": (max, np.maximum),
+    "gt": (None, np.greater),
+    "ge": (None, np.greater_equal),
+    "lt": (None, np.less),
+    "le": (None, np.less_equal),
+    "and": (None, np.logical_and),
 }
+"""Each operation on numbers, where constants are folded, and as numpy calls it."""
+_UFUNCS = {ufunc: op for op, (_, ufunc) in _OPERATIONS.items()} | {np.bitwise_and: "and"}
 
 
-class Symbol:
-    """A value that is not known yet: a signal, or an expression of signals."""
+class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
+    """A value that is not known yet: a signal, or an expression of signals; operators are those of numpy."""
 
     __slots__ = ("args", "op")
     __array_priority__ = 100.0
@@ -54,7 +55,7 @@ class Symbol:
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **kwargs: Any) -> Any:
         if any(isinstance(v, np.ndarray) and v.ndim for v in inputs):
             return _each(lambda *values: by_ufunc(ufunc, method, values), inputs)
-        if kwargs.get("out") is not None:
+        if not all(isinstance(v, Symbol) for v in kwargs.get("out") or ()):
             raise _unknown(ufunc)
         return by_ufunc(ufunc, method, inputs)
 
@@ -78,55 +79,12 @@ class Symbol:
             "The formula decides by the value of a signal.", _KNOWN, "Write the decision with numpy.where."
         )
 
-    def __add__(self, other: Any) -> Symbol:
-        return node("add", self, other)
-
-    def __radd__(self, other: Any) -> Symbol:
-        return node("add", other, self)
-
-    def __sub__(self, other: Any) -> Symbol:
-        return node("sub", self, other)
-
-    def __rsub__(self, other: Any) -> Symbol:
-        return node("sub", other, self)
-
-    def __mul__(self, other: Any) -> Symbol:
-        return node("mul", self, other)
-
-    def __rmul__(self, other: Any) -> Symbol:
-        return node("mul", other, self)
-
-    def __truediv__(self, other: Any) -> Symbol:
-        return node("div", self, other)
-
-    def __rtruediv__(self, other: Any) -> Symbol:
-        return node("div", other, self)
-
-    def __gt__(self, other: Any) -> Symbol:
-        return node("gt", self, other)
-
-    def __ge__(self, other: Any) -> Symbol:
-        return node("ge", self, other)
-
-    def __lt__(self, other: Any) -> Symbol:
-        return node("lt", self, other)
-
-    def __le__(self, other: Any) -> Symbol:
-        return node("le", self, other)
-
-    def __and__(self, other: Any) -> Symbol:
-        return node("and", self, other)
+    __eq__, __ne__, __hash__ = object.__eq__, object.__ne__, object.__hash__
 
     def __pow__(self, power: Any) -> Symbol:
         if isinstance(power, int) and 0 <= power <= 16:
             return _whole_power(self, power)
         return node("sqrt", self) if power == 0.5 else node("pow", self, power)
-
-    def __neg__(self) -> Symbol:
-        return node("neg", self)
-
-    def __abs__(self) -> Symbol:
-        return node("abs", self)
 
 
 class Symbols(np.ndarray):
@@ -224,24 +182,6 @@ _KNOWN = (
 )
 
 
-_FOLD: dict[str, Callable[..., Any]] = {
-    "add": operator.add,
-    "sub": operator.sub,
-    "mul": operator.mul,
-    "div": operator.truediv,
-    "neg": operator.neg,
-    "abs": abs,
-    "exp": math.exp,
-    "log": math.log,
-    "tanh": math.tanh,
-    "sin": math.sin,
-    "sqrt": math.sqrt,
-    "pow": operator.pow,
-    "min": min,
-    "max": max,
-}
-
-
 def symbol(name: str) -> Symbol:
     """Return the symbol of an input."""
     return Symbol("input", (name,))
@@ -264,8 +204,9 @@ def node(op: str, *operands: Any) -> Any:
         return _each(partial(node, op), operands)
     args = tuple(as_symbol(a) for a in operands)
     known = [a.args[0] if a.op == "const" else None for a in args]
-    if op in _FOLD and None not in known:
-        return as_symbol(_FOLD[op](*known))
+    fold, _ = _OPERATIONS.get(op, (None, None))
+    if fold is not None and None not in known:
+        return as_symbol(fold(*known))
     if op == "mul":
         if 0.0 in known:
             return as_symbol(0.0)

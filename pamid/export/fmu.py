@@ -167,11 +167,10 @@ def _description(plan: ExportPlan, token: str, starts: Mapping[str, float]) -> s
         for kind in ("Output", "InitialUnknown")
         for k in range(len(inputs) + 1, len(inputs) + len(outputs) + 1)
     ]
-    what = f"{' and '.join(o.name for o in plan.outputs)} of a pneumatic artificial muscle, from a {plan.estimator}"
     return "\n".join(
         [
             '<?xml version="1.0" encoding="UTF-8"?>',
-            f'<fmiModelDescription fmiVersion="3.0" modelName="{plan.name}" description={quoteattr(what)} '
+            f'<fmiModelDescription fmiVersion="3.0" modelName="{plan.name}" description={quoteattr(plan.title)} '
             f'generationTool="pamid" instantiationToken="{token}">',
             f'  <CoSimulation modelIdentifier="{plan.name}" canHandleVariableCommunicationStepSize="true"/>',
             "  <UnitDefinitions>",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,10 @@ import numpy as np
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import ExportError
 from ..requirements import WithFormulas, WithLift, WithScaledInputs
-from .c_source import Writer, fill, number_rows, statements
+from .c_source import Writer, common_values, fill, statements
 from .expression import Symbol, as_symbol, symbol
-from .plan import UNITS, Output
-from .reference import TOLERANCES
+from .plan import UNITS, ModelPlan, Output
+from .reference import Reference
 
 SIGNALS = UNITS | {
     "F": "N",
@@ -60,26 +60,11 @@ class Lift:
 
 
 @dataclass(frozen=True)
-class FormulaPlan:
-    """A formula ready to be written in another language."""
+class FormulaPlan(ModelPlan):
+    """A formula of signals."""
 
-    name: str
-    """A C identifier."""
-    estimator: str
-    """What it was."""
-    inputs: dict[str, str]
-    """The signals that it reads, and their units."""
-    outputs: tuple[Output, ...]
-    """What it gives."""
     lift: Lift | None
     """By what a load moves."""
-    predict: Callable[[np.ndarray], np.ndarray]
-    """The model's own ``predict`` on an array of shape (n_samples, n_inputs), as columns."""
-    centre: np.ndarray
-    width: np.ndarray
-    """Where the inputs lie, shape (n_inputs,)."""
-    notes: tuple[str, ...]
-    """What a user of the export must know."""
 
 
 def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPlan | None:
@@ -101,7 +86,7 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     found = model.formulas(signals)
     if not found:
         return None
-    outputs = tuple(Output(n, n, unit, as_symbol(value)) for n, (unit, value) in found.items())
+    outputs = tuple(Output(n, unit, as_symbol(value)) for n, (unit, value) in found.items())
     lift = None
     if isinstance(model, WithLift):
         elements, numbers = model.lift_formulas(signals)
@@ -111,7 +96,7 @@ def formula_of(model: Any, name: str, notes: tuple[str, ...] = ()) -> FormulaPla
     places = [_place(model, n) for n in names]
     centre, width = (np.array(a, dtype=float) for a in zip(*places, strict=True))
     units = {n: SIGNALS.get(n, "unit of the fit") for n in names}
-    return FormulaPlan(name, type(model).__name__, units, outputs, lift, _own(model, names), centre, width, notes)
+    return FormulaPlan(name, type(model).__name__, units, outputs, _own(model, names), centre, width, notes, lift)
 
 
 def _place(model: Any, name: str) -> tuple[float, float]:
@@ -145,7 +130,7 @@ def _own(model: Any, names: list[str]) -> Callable[[np.ndarray], np.ndarray]:
 
 
 # --- C ------------------------------------------------------------------------------------------------------
-def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> Reference:
     """Return inputs inside and outside the model's data, and its outputs."""
     rng = np.random.default_rng(seed)
     x = plan.centre + plan.width * rng.uniform(-2.5, 2.5, (n_rows, len(plan.centre)))
@@ -157,38 +142,19 @@ def reference_rows(plan: FormulaPlan, n_rows: int = 64, seed: int = 0) -> tuple[
         elif name in ("deps", "dP"):
             x[3, k] = 0.0
     x = x.astype(np.float32).astype(float)
-    return x, plan.predict(x)
+    return Reference(x, plan.predict(x))
 
 
 def formula_sources(plan: FormulaPlan, dtype: str = "float64") -> dict[str, str]:
     """Write a formula as C."""
     write = Writer(dtype)
-    x, expected = reference_rows(plan)
-    largest = np.max(np.abs(expected), axis=0)
-    tolerance = TOLERANCES[dtype] * np.where(largest > 0, largest, 1.0)
-    lines, results = statements([o.formula for o in plan.outputs], {n: f"s->{n}" for n in plan.inputs}, write)
-    body = [*lines, *(f"y[{k}] = {r};" for k, r in enumerate(results))]
-    outputs = ", ".join(f"{o.name} ({o.unit})" for o in plan.outputs)
-    notes = ["Inputs:  " + ", ".join(f"{n} ({u})" for n, u in plan.inputs.items()), "Outputs: " + outputs, *plan.notes]
-    values: Mapping[str, Any] = {
-        "NAME_UPPER": plan.name.upper(),
-        "NAME": plan.name,
-        "REAL": {"float64": "double", "float32": "float"}[dtype],
-        "WHAT": f"{' and '.join(o.name for o in plan.outputs)} of a pneumatic artificial muscle, from a "
-        f"{plan.estimator} by pamid",
-        "NOTES": "\n * ".join(notes),
+    lines = statements([o.formula for o in plan.outputs], {n: f"s->{n}" for n in plan.inputs}, write, "y[{}]")
+    values = common_values(plan, reference_rows(plan), dtype) | {
         "N_INPUTS": len(plan.inputs),
-        "N_OUTPUTS": len(plan.outputs),
-        "OUTPUTS_TEXT": outputs,
         "FIELDS": "\n".join(f"    {plan.name}_real {n}; /* {u} */" for n, u in plan.inputs.items()),
-        "BODY": "\n".join(f"    {line}" for line in body),
+        "BODY": "\n".join(f"    {line}" for line in lines),
         "LIFT_HEADER": fill("lift.h", {"NAME": plan.name}) if plan.lift else "",
         "LIFT": _lift(plan, write) if plan.lift else "",
-        "ROWS": len(x),
-        "INPUT_ROWS": number_rows(x),
-        "EXPECTED_ROWS": number_rows(expected),
-        "TOLERANCES": ", ".join(f"{v:.3g}" for v in tolerance),
-        "COLUMN_NAMES": ", ".join(f'"{o.name}"' for o in plan.outputs),
         "ASSIGNMENTS": "\n".join(
             f"        s.{n} = ({plan.name}_real)inputs[row][{k}];" for k, n in enumerate(plan.inputs)
         ),
@@ -200,11 +166,10 @@ def formula_sources(plan: FormulaPlan, dtype: str = "float64") -> dict[str, str]
 def _lift(plan: FormulaPlan, write: Writer) -> str:
     lift = plan.lift
     assert lift is not None
-    lines, results = statements(list(lift.elements), {"P": "drive->P", "dP": "drive->dP"}, write)
-    body = [*lines, *(f"element[{k}] = {r};" for k, r in enumerate(results))]
+    lines = statements(lift.elements, {"P": "drive->P", "dP": "drive->dP"}, write, "element[{}]")
     numbers = {
         "NAME": plan.name,
-        "ELEMENTS": "\n".join(f"    {line}" for line in body),
+        "ELEMENTS": "\n".join(f"    {line}" for line in lines),
         "REST_LENGTH": write.number(lift.rest_length),
         "TOP": write.number(lift.rest_length * lift.top),
         "GRAVITY": write.number(lift.gravity),

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects._terms import changed
+from ..effects._terms import added, changed
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
@@ -65,13 +65,8 @@ class Tracer:
 
     def added(self, effect: Effect, equation: str) -> Any:
         """Return an effect's force (N) or flow (kg/s), from the muscle's signals and its states."""
-        if equation not in effect.hooks():
-            return 0.0
         s: Any = _signals("").with_(time=0.0 * symbol("P"))
-        if equation == "force":
-            return effect.force(s, self.states(effect), self.plant)
-        step = effect.flow(s, self.states(effect), self.plant)
-        return step.a + step.b * s.pressure_rate
+        return added(effect, equation, s, self.states(effect), self.plant)
 
     def memory(self) -> Memory:
         """Return how the states begin and follow the readings, and the network's inputs from them."""

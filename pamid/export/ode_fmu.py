@@ -62,13 +62,12 @@ def ode_fmu(
     found = _by_name(rates(t, x, u, p), states)
     shown = dict(outputs(t, x, u, p)) if outputs else {f"{n}_out": x[n] for n in states}
     roots = [as_symbol(v) for v in (*found, *shown.values())]
-    lines, results = statements(roots, {n: f"v[{k}]" for k, n in enumerate(given)}, Writer("float64"))
-    body = [*lines, *(f"out[{k}] = {r};" for k, r in enumerate(results))]
+    lines = statements(roots, {n: f"v[{k}]" for k, n in enumerate(given)}, Writer("float64"), "out[{}]")
     starts = [0.0, *states.values(), *inputs.values(), *parameters.values()]
     values = {
         "NAME": name, "STATES": len(states), "INPUTS": len(inputs), "PARAMETERS": len(parameters),
         "OUTPUTS": len(shown), "SUBSTEPS": substeps, "STARTS": ", ".join(repr(float(v)) for v in starts),
-        "FORMULAS": "\n".join(f"    {line}" for line in body),
+        "FORMULAS": "\n".join(f"    {line}" for line in lines),
         "ABSENT": "\n".join(f"ABSENT({n})" for n in _ABSENT),
     }  # fmt: skip
     source = fill("ode_fmi2.c", values)

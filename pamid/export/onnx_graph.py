@@ -19,28 +19,8 @@ from .reference import SERIES_BELOW
 OPSET = 17
 """Version of the operators; runtimes since 2022 know it."""
 
-_OPERATORS = {
-    "add": "Add",
-    "sub": "Sub",
-    "mul": "Mul",
-    "div": "Div",
-    "neg": "Neg",
-    "abs": "Abs",
-    "exp": "Exp",
-    "log": "Log",
-    "tanh": "Tanh",
-    "sin": "Sin",
-    "sqrt": "Sqrt",
-    "pow": "Pow",
-    "min": "Min",
-    "max": "Max",
-    "where": "Where",
-    "gt": "Greater",
-    "ge": "GreaterOrEqual",
-    "lt": "Less",
-    "le": "LessOrEqual",
-    "and": "And",
-}
+_COMPARISONS = {"gt": "Greater", "ge": "GreaterOrEqual", "lt": "Less", "le": "LessOrEqual"}
+"""ONNX's names of operators; the others are called as here, with a capital letter."""
 
 
 def onnx_model(plan: ExportPlan, dtype: str = "float64") -> Any:
@@ -298,5 +278,5 @@ def _formulas(g: _Graph, roots: list[Symbol], names: dict[str, str]) -> list[str
         elif s.op == "const":
             known[id(s)] = g.constant(s.args[0])
         else:
-            known[id(s)] = g(_OPERATORS[s.op], *(known[id(a)] for a in s.args))
+            known[id(s)] = g(_COMPARISONS.get(s.op, s.op.capitalize()), *(known[id(a)] for a in s.args))
     return [known[id(r)] for r in roots]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
+from ..effects._terms import added
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
@@ -40,8 +41,6 @@ class Output:
 
     name: str
     """Name of the equation: ``"force"`` or ``"flow"``."""
-    column: str
-    """Its column in a log."""
     unit: str
     """Its unit."""
     formula: Symbol
@@ -49,13 +48,36 @@ class Output:
 
 
 @dataclass(frozen=True)
-class ExportPlan:
+class ModelPlan:
     """A model ready to be written in another language."""
 
     name: str
     """A C identifier."""
     estimator: str
     """What it was."""
+    inputs: Mapping[str, str]
+    """The signals that it reads, and their units."""
+    outputs: tuple[Output, ...]
+    """What it predicts."""
+    predict: Callable[[np.ndarray], np.ndarray]
+    """The model's own ``predict`` on an array of shape (n_samples, n_inputs), as columns, for reference values."""
+    centre: np.ndarray
+    width: np.ndarray
+    """Where the inputs of the fit lay, shape (n_inputs,)."""
+    notes: tuple[str, ...]
+    """What a user of the export must know."""
+
+    @property
+    def title(self) -> str:
+        """What it is."""
+        names = " and ".join(o.name for o in self.outputs)
+        return f"{names} of a pneumatic artificial muscle, from a {self.estimator}"
+
+
+@dataclass(frozen=True)
+class ExportPlan(ModelPlan):
+    """A model with a gas volume."""
+
     anchor: ContactVolume | None
     """The geometric part of the volume."""
     network: NeuralVolume | None
@@ -63,17 +85,8 @@ class ExportPlan:
     factor: float
     offset: float
     """Factor on the volume, dimensionless, and what is added to it, m³."""
-    outputs: tuple[Output, ...]
-    """What it predicts."""
-    predict: Callable[[np.ndarray], np.ndarray]
-    """The model's own ``predict`` on an array of shape (n_samples, 4), for reference values."""
     volume: Callable[[np.ndarray], tuple[np.ndarray, ...]]
-    """Its volume, likewise."""
-    centre: np.ndarray
-    width: np.ndarray
-    """Where the inputs of the fit lay, shape (4,)."""
-    notes: tuple[str, ...] = ()
-    """What a user of the export must know."""
+    """The model's own volume and its derivatives, from the inputs."""
     memory: Memory | None = None
     """What its effects remember; `predict` and `volume` then take the readings of a path, `STEP` seconds apart."""
 
@@ -121,6 +134,7 @@ def plan_of(model: Any, name: str = "muscle", effects: Sequence[Effect] = (), pl
     plan = ExportPlan(
         name=name,
         estimator=type(last).__name__,
+        inputs=UNITS,
         anchor=anchor,
         network=network,
         factor=factor,
@@ -252,12 +266,13 @@ def _output(law: Law, effects: Sequence[Effect], plant: Plant | None, tracer: Tr
         for effect in tracer.effects:
             own = _traced(partial(tracer.added, effect, law.equation), f"The effect {effect.name}")
             formula = as_symbol(formula + as_symbol(own))
-    return Output(law.equation, law.target, law.unit, formula)
+    return Output(law.equation, law.unit, formula)
 
 
 def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: State) -> Any:
     """Return the sum of the effects in a law's prediction."""
     total: Any = 0.0
+    s = Signals.of_state(state).with_(time=0.0 * state.P)
     for effect in effects:
         if law.equation not in effect.equations:
             continue
@@ -273,18 +288,10 @@ def _added(law: Law, effects: Sequence[Effect], plant: Plant | None, state: Stat
             raise ExportError(
                 f"The effect {effect.name} needs the numbers of the bench.", "a simulator file", "Add --sim SIM.toml."
             )
-        total = total + _traced(partial(_share, effect, law, plant, state), f"The effect {effect.name}")
+        bench: Any = plant
+        share = partial(added, effect, law.equation, s, np.zeros(0), bench)
+        total = total + _traced(share, f"The effect {effect.name}")
     return total
-
-
-def _share(effect: Effect, law: Law, plant: Any, state: State) -> Any:
-    s = Signals.of_state(state).with_(time=0.0 * state.P)
-    if law.equation == "force" and "force" in effect.hooks():
-        return effect.force(s, np.zeros(0), plant)
-    if law.equation == "flow" and "flow" in effect.hooks():
-        step = effect.flow(s, np.zeros(0), plant)
-        return step.a + step.b * state.dP
-    return 0.0
 
 
 def _traced(call: Callable[[], Any], what: str) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -16,14 +16,13 @@ SERIES_BELOW = {"float64": 0.05, "float32": 0.3}
 """Gauge pressure, in widths of the contact, below which its factor is a series; the quotient loses digits there."""
 
 
-@dataclass(frozen=True)
-class Reference:
+class Reference(NamedTuple):
     """Inputs and expected outputs."""
 
     inputs: np.ndarray
-    """States, exactly representable in single precision. Shape (n_rows, 4)."""
+    """States, exactly representable in single precision. Shape (n_rows, n_inputs)."""
     expected: np.ndarray
-    """Predictions, then V, ∂V/∂ε and ∂V/∂P. Shape (n_rows, n_outputs + 3)."""
+    """Predictions, then of a model with a volume V, ∂V/∂ε and ∂V/∂P. Shape (n_rows, n_outputs + 3)."""
 
     def tolerance(self, dtype: str) -> np.ndarray:
         """Return the largest deviation of each column that passes."""

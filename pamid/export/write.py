@@ -10,9 +10,10 @@ import numpy as np
 
 from ..effects.base import Effect
 from ..effects.plant import Plant
-from ..errors import ExportError, UnknownOptionError
+from ..errors import ExportError
 from ..file_sets import replacing_together
 from ..files import write_whole
+from ..names import require_one_of
 from .c_source import REALS, c_sources
 from .formula import FormulaPlan, formula_of, formula_sources
 from .plan import ExportPlan, check_name, last_step, plan_of
@@ -80,10 +81,8 @@ def export(
     >>> [file.name for file in export(model, tempfile.mkdtemp(), name="force")]
     ['force.h', 'force.c', 'force_selftest.c', 'force_parameters.h']
     """
-    if to not in TARGETS:
-        raise UnknownOptionError(f"to={to!r} is not known.", f"one of {', '.join(TARGETS)}", "Choose one of them.")
-    if dtype not in REALS:
-        raise UnknownOptionError(f"dtype={dtype!r} is not known.", f"one of {', '.join(REALS)}", "Choose one of them.")
+    require_one_of(to, TARGETS, f"to={to!r} is not known.", "Choose one of them.")
+    require_one_of(dtype, REALS, f"dtype={dtype!r} is not known.", "Choose one of them.")
     plan = any_plan_of(model, name, effects, plant)
     finest = plan.memory.finest if isinstance(plan, ExportPlan) and plan.memory else None
     if finest and finest.least_difference < (step := float(np.finfo(dtype).eps)):

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..effects._terms import added
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import IncompatibleError
@@ -59,11 +60,10 @@ class StreamedEffect:
         self.plant = plant
         self.dt = dt
         self.play = play
-        self.linear = [p.name for p in effect.parameters if p.linear]
-        self.names = self.linear or [p.name for p in effect.parameters]
-        self.units = [next(p.unit for p in effect.parameters if p.name == n) for n in self.names]
-        self.lower = np.array([next(p.lower for p in effect.parameters if p.name == n) for n in self.names])
-        self.upper = np.array([next(p.upper for p in effect.parameters if p.name == n) for n in self.names])
+        self._followed = [p for p in effect.parameters if p.linear] or list(effect.parameters)
+        self.linear = [p.name for p in self._followed if p.linear]
+        self.names, self.units = [p.name for p in self._followed], [p.unit for p in self._followed]
+        self.lower, self.upper = np.array([[p.lower, p.upper] for p in self._followed]).T
         self.restart()
 
     def restart(self) -> None:
@@ -108,12 +108,11 @@ class StreamedEffect:
         n = len(state.eps)
         if self.linear:
             columns = []
-            for name in self.linear:
+            for p in self._followed:
                 # Parameters are bounded, so a proportional one is evaluated where it is surely allowed.
-                p = next(q for q in self.effect.parameters if q.name == name)
                 unit = p.nominal if p.nominal else min(max(1.0, p.lower), p.upper)
-                others = dict.fromkeys(self.linear, 0.0)
-                columns.append(self._share(self.effect.replace(**{**others, name: unit}), s, memory, n) / unit)
+                alone = self.effect.replace(**{**dict.fromkeys(self.linear, 0.0), p.name: unit})
+                columns.append(self._share(alone, s, memory, n) / unit)
             derivatives = np.column_stack(columns)
             return derivatives @ values, derivatives
         inside = np.clip(values, self.lower, self.upper)
@@ -130,10 +129,7 @@ class StreamedEffect:
         return self.effect.replace(**{n: float(v) for n, v in zip(self.names, values, strict=True)})
 
     def _share(self, effect: Effect, s: Signals, memory: Any, n: int) -> np.ndarray:
-        if self.equation == "force":
-            return np.broadcast_to(np.asarray(effect.force(s, memory, self.plant), dtype=float), n)
-        step = effect.flow(s, memory, self.plant)
-        return np.broadcast_to(np.asarray(step.a + step.b * s.pressure_rate, dtype=float), n)
+        return np.broadcast_to(np.asarray(added(effect, self.equation, s, memory, self.plant), dtype=float), n)
 
     def _along(self, s: Signals) -> Any:
         """Return the memory at each sample of a block and keep it for the next."""

@@ -16,7 +16,7 @@ from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
 from .alarm import DriftAlarm, threshold
 from .memory import StreamedEffect
-from .still import StillSensors
+from .sight import StillSensors
 
 HYPOTHESES = ("leakage", "coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity")
 """Effects that may appear, by default."""
@@ -70,7 +70,7 @@ class _Watch:
         self.law = law
         self.effects = effects
         self.names = [(e.effect.name, n, u) for e in effects for n, u in zip(e.names, e.units, strict=True)]
-        lower = np.concatenate([e.lower for e in effects]) if effects else np.zeros(0)
+        lower = np.concatenate([np.zeros(0), *(e.lower for e in effects)])
         self.start = np.zeros(len(self.names))
         groups = [k for k, e in enumerate(effects) for _ in e.names]
         self.alarm = DriftAlarm(lower >= 0.0, settings["memory"], int(settings["hold"]), settings["limit"], groups)
@@ -78,19 +78,24 @@ class _Watch:
         self.factor = 1.0
         self.noise = 1.0
         self.power_scale = 1.0
-        self.power = 0.0
-        self.beyond = 0
+        self.restart()
 
     def residual(self, volume: VolumeModel, state: State, measured: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         modelled = np.asarray(self.law.predict(*volume.jet(state), state))
         H = [e.linearised(state, np.zeros(len(e.names)))[1] for e in self.effects]
-        return measured - self.factor * modelled - self.offset, np.column_stack(H) if H else np.zeros(
-            (len(measured), 0)
-        )
+        return measured - self.factor * modelled - self.offset, np.hstack([np.zeros((len(measured), 0)), *H])
 
     def restart(self) -> None:
         for e in self.effects:
             e.restart()
+        self.alarm.restart()
+        self.power, self.beyond = 0.0, 0
+
+    def faded(self, power: float, residual: np.ndarray, most: float = np.inf) -> float:
+        """Return the power of residuals with a block taken in, in units of the noise."""
+        fade = float(np.exp(-len(residual) / self.alarm.memory))
+        good = residual[np.isfinite(residual)]
+        return fade * power + (1.0 - fade) * min(float(np.mean((good / self.noise) ** 2)), most)
 
 
 class GapMonitor:
@@ -224,29 +229,21 @@ class GapMonitor:
             start = np.linalg.lstsq(H[known] / size, residual[known], rcond=1e-6)[0] / size
             watch.start = start
             residual = residual - H @ start
-            watch.alarm.calibrate(
-                np.array([watch.alarm.statistic(H[b], residual[b], watch.noise) for b in blocks]).reshape(
-                    len(blocks), H.shape[1]
-                )
-            )
-            watch.alarm.restart()
+            told = [watch.alarm.statistic(H[b], residual[b], watch.noise) for b in blocks]
+            watch.alarm.calibrate(np.reshape(told, (len(blocks), H.shape[1])))
             power = self._powers(watch, residual, blocks)
             watch.power_scale = float(np.mean(power) + self.settings["limit"] * np.std(power))
             watch.power_scale = max(watch.power_scale, 1.5 * float(np.max(power)))
-            watch.power, watch.beyond = 0.0, 0
             watch.restart()
         self.calibrated = True
         return self
 
     def _powers(self, watch: _Watch, residual: np.ndarray, blocks: list[slice]) -> np.ndarray:
-        fade = float(np.exp(-self.block / self.settings["memory"]))
-        out, power = [], 0.0
+        out = [0.0]
         for b in blocks:
-            good = residual[b][np.isfinite(residual[b])]
-            if len(good):
-                power = fade * power + (1.0 - fade) * float(np.mean((good / watch.noise) ** 2))
-                out.append(power)
-        return np.array(out)
+            if np.isfinite(residual[b]).any():
+                out.append(watch.faded(out[-1], residual[b]))
+        return np.array(out[1:])
 
     def update(self, table: Any) -> list[Finding]:
         """Take the next samples, in their order.
@@ -282,14 +279,11 @@ class GapMonitor:
 
     def _block(self, watch: _Watch, H: np.ndarray, residual: np.ndarray, time: float) -> Finding | None:
         residual = _tamed(residual, watch.noise)
-        good = np.isfinite(residual)
-        if not good.any():
+        if not np.isfinite(residual).any():
             return None
         named = watch.alarm.update(H, residual, watch.noise) if H.shape[1] else None
-        fade = float(np.exp(-len(residual) / self.settings["memory"]))
-        power = float(np.mean((residual[good] / watch.noise) ** 2))
         # A jolt is short; the evidence of one block is limited so that it takes several to raise an alarm.
-        watch.power = fade * watch.power + (1.0 - fade) * min(power, 5.0 * watch.power_scale)
+        watch.power = watch.faded(watch.power, residual, 5.0 * watch.power_scale)
         beyond = watch.power > watch.power_scale
         watch.beyond = watch.beyond + len(residual) if beyond else 0
         if named is not None:
@@ -307,8 +301,6 @@ class GapMonitor:
         """Take the next samples as another run; the calibration stays."""
         for watch in self.watches:
             watch.restart()
-            watch.alarm.restart()
-            watch.power, watch.beyond = 0.0, 0
 
     def _channels(self, state: State, measured: list[np.ndarray]) -> dict[str, np.ndarray]:
         return {

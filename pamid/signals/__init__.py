@@ -6,33 +6,22 @@ name of a module here: the module, once imported, would hide it.
 
 from __future__ import annotations
 
-from .._lazy import attach
+from .._lazy import attach, homes
 
-_HOME = {
-    "read_log": "log",
-    "read_log_pieces": "pieces",
-    "read_log_part": "pieces",
-    "write_log": "log",
-    "LogMapping": "mapping",
-    "SignalMapping": "mapping",
-    "FileConstants": "mapping",
-    "UNITS": "units",
-    "check_units": "plausibility",
-    "differentiate": "rates",
-    "tune_cutoff": "rates",
-    "noise_level": "noise",
-    "resample": "resampling",
-    "merge_rates": "resampling",
-    "thin": "thinning",
-    "thinned_rows": "thinning",
-    "windows": "windowing",
-    "TrajectoryKFold": "splits",
-    "LeaveOneKindOut": "splits",
-    "LeaveOneMuscleOut": "splits",
-    "split_trajectories": "splits",
-    "State": "state",
-    "STATE_SIGNALS": "state",
-}
+_HOME = homes(
+    log="read_log write_log",
+    pieces="read_log_pieces read_log_part",
+    mapping="LogMapping SignalMapping FileConstants",
+    units="UNITS",
+    plausibility="check_units",
+    rates="differentiate tune_cutoff",
+    noise="noise_level",
+    resampling="resample merge_rates",
+    thinning="thin thinned_rows",
+    windowing="windows",
+    splits="TrajectoryKFold LeaveOneKindOut LeaveOneMuscleOut split_trajectories",
+    state="State STATE_SIGNALS",
+)
 """In which module each public name lives."""
 
 __getattr__, __dir__, __all__ = attach(__name__, _HOME)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Container, Iterator
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ from pamid.errors import (
 
 from .noise import median
 from .reading_notes import Readings
+from .stretches import equal_stretches
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -71,11 +72,7 @@ class Notes:
 
 def blocks(names: np.ndarray) -> Iterator[tuple[str, slice]]:
     """Iterate over the blocks of equal names."""
-    if len(names) == 0:
-        return
-    edges = np.flatnonzero(names[1:] != names[:-1]) + 1
-    bounds = [0, *edges.tolist(), len(names)]
-    for a, b in itertools.pairwise(bounds):
+    for a, b in equal_stretches(names):
         yield names[a], slice(a, b)
 
 
@@ -83,6 +80,13 @@ def free_name(wanted: str, taken: Container[str]) -> str:
     """Return a name that no run has yet: the wanted one, with a number if necessary."""
     numbered = (f"{wanted}#{k}" for k in itertools.count(2))
     return next(name for name in itertools.chain([wanted], numbered) if name not in taken)
+
+
+def with_names(frame: pd.DataFrame, new: Mapping[str, str]) -> pd.DataFrame:
+    """Return a frame with its runs called otherwise."""
+    if all(before == after for before, after in new.items()):
+        return frame
+    return frame.assign(trajectory=frame["trajectory"].map(new))
 
 
 def handle_missing(frame: pd.DataFrame, nan: str, where: str) -> pd.DataFrame:
@@ -121,8 +125,7 @@ def handle_time(frame: pd.DataFrame, order: str, duplicates: str, where: str, no
     """Make time increase within contiguous runs, according to the policies, or raise."""
     names = frame["trajectory"].to_numpy(dtype=object)
     if order == "sort":
-        rank = {name: i for i, name in enumerate(dict.fromkeys(names.tolist()))}
-        codes = np.fromiter((rank[n] for n in names), dtype=np.int64, count=len(names))
+        codes = frame["trajectory"].factorize()[0]
         frame = frame.iloc[np.lexsort((frame["time"].to_numpy(), codes))].reset_index(drop=True)
         names = frame["trajectory"].to_numpy(dtype=object)
     _require_contiguous(names, where)
@@ -212,14 +215,6 @@ def _mean_of_duplicates(frame: pd.DataFrame, keep: np.ndarray) -> pd.DataFrame:
     means = frame[signals].groupby(group).mean()
     means.insert(0, "trajectory", frame["trajectory"].to_numpy()[keep])
     return means[list(frame.columns)]
-
-
-def in_order(frame: pd.DataFrame, notes: Notes) -> pd.DataFrame:
-    """Return a tidy frame with run and time first, and note its sampling."""
-    first = ["trajectory", "time"]
-    frame = frame[[*first, *[c for c in frame.columns if c not in first]]]
-    note_sampling(frame, notes)
-    return frame
 
 
 def note_sampling(frame: pd.DataFrame, notes: Notes) -> None:

@@ -64,26 +64,26 @@ def tidy(
     if used_trajectory is None and mapping.trajectory is not None:
         words += (f"no column {mapping.trajectory!r} names the runs, so this file is read as one run",)
     signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, mapping, path)
+    places = {s: _position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
     if mapping.keep_others and mapping.signals:
-        taken = {_position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
+        taken = {*places.values(), used_trajectory}
         for name, position in own.items():
             numeric = pd.api.types.is_numeric_dtype(raw.iloc[:, position])
-            if position not in taken and position != used_trajectory and numeric and name not in signals:
-                signals[name] = SignalMapping(column=position)
+            if position not in taken and numeric and name not in signals:
+                signals[name], places[name] = SignalMapping(column=position), position
     constants = mapping.constants_of(path)
     keep = np.ones(len(raw), dtype=bool)
     columns: dict[str, np.ndarray] = {}
     unchecked: set[str] = set()
     for signal, how in signals.items():
-        position = _position(raw, how.column if how.column is not None else signal, signal, path, own)
-        values = numbers_of(raw.iloc[:, position], signal, path)
+        values = numbers_of(raw.iloc[:, places[signal]], signal, path)
         if how.allowed is not None:
             keep &= np.isin(values, how.allowed)
         if how.range is not None:
             keep &= (values >= how.range[0]) & (values <= how.range[1])
         if how.own or not how.check:
             unchecked.add(signal)
-        zero = _zero(zero_run, position, signal, path, mapping) if how.subtract_zero_run else 0.0
+        zero = _zero(zero_run, places[signal], signal, path, mapping) if how.subtract_zero_run else 0.0
         columns[signal] = to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
     read = set(columns)
     _add_constants(columns, constants, len(raw))

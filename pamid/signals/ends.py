@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .stretches import stretches_of
+
 _SELDOM = 0.05
 """Largest share of equal neighbours elsewhere for which a row of equal readings is significant."""
 _IN_A_ROW = 4
@@ -42,8 +44,7 @@ def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]])
     least = max([_IN_A_ROW, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])
     equal, pairs = 0, 0
     for a, b in spans:
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], at[a:b].astype(int), [0]])))
-        for begin, stop in edges.reshape(-1, 2):
+        for begin, stop in stretches_of(at[a:b]):
             rows[a + begin : a + stop] = stop - begin >= least and begin > 0 and a + stop < b
         both = ~(at[a : b - 1] & at[a + 1 : b])
         equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))

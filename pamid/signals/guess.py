@@ -119,7 +119,7 @@ def with_unit(guess: Guess, column: pd.Series) -> Guess:
     if not values.size:
         return guess
     low, high = (float(v) for v in np.quantile(values, [0.002, 0.998], method="inverted_cdf"))
-    guess = replace(guess, low=float(values.min()), high=float(values.max()))
+    guess = _ranged(guess, values)
     if guess.own:
         return guess
     unit, sure, scale = (guess.unit, True, 1.0) if guess.unit else _unit_of(guess, values, low, high)
@@ -141,9 +141,7 @@ def _nameless(frame: pd.DataFrame) -> list[Guess]:
     found: list[Guess] = []
     for position in range(frame.shape[1]):
         column, values = frame.iloc[:, position], _numbers(frame.iloc[:, position])
-        guess = Guess(position)
-        if values.size:
-            guess = replace(guess, low=float(values.min()), high=float(values.max()))
+        guess = _ranged(Guess(position), values)
         if not any(g.signal for g in found) and _is_clock(column):
             guess = with_unit(replace(guess, signal="time", why="grows steadily"), column)
         found.append(guess)
@@ -151,10 +149,7 @@ def _nameless(frame: pd.DataFrame) -> list[Guess]:
 
 
 def _guess(column: pd.Series, name: str, header: Header, kind: str, every: pd.Series) -> Guess:
-    values = _numbers(every)
-    guess = Guess(name)
-    if values.size:
-        guess = replace(guess, low=float(values.min()), high=float(values.max()))
+    guess = _ranged(Guess(name), _numbers(every))
     signal = _signal(header, column, kind)
     if not signal:
         return guess
@@ -291,6 +286,11 @@ def _numbers(column: pd.Series) -> np.ndarray:
         return np.zeros(0)
     values = column.to_numpy(dtype=float, na_value=np.nan)
     return np.asarray(values[np.isfinite(values)])
+
+
+def _ranged(guess: Guess, values: np.ndarray) -> Guess:
+    """Return a guess with the range of its column."""
+    return replace(guess, low=float(values.min()), high=float(values.max())) if values.size else guess
 
 
 def _is_clock(column: pd.Series) -> bool:

@@ -199,30 +199,27 @@ def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, 
             "Correct the clock of one.",
         )
     t = t[keep]
-    columns: dict[str, Any] = {clocks[base]: t}
+    read: dict[str, dict[str, np.ndarray]] = {}
     for stem, frame in tables.items():
-        for name in _numbers(frame, mapping):
-            values = frame[name].to_numpy(dtype=float)
-            if stem == base:
-                values = values[keep]
-            elif _commands(stem):
-                values = values[np.searchsorted(brought[stem], t, side="right") - 1]
-            else:
-                values = np.interp(t, brought[stem], values)
-            full = f"{stem}.{name}"
-            columns[full if uses[name] > 1 or full in wanted else name] = values
+        own = {name: frame[name].to_numpy(dtype=float) for name in _numbers(frame, mapping)}
+        if stem == base:
+            read[stem] = {name: x[keep] for name, x in own.items()}
+        elif _commands(stem):
+            before = np.searchsorted(brought[stem], t, side="right") - 1
+            read[stem] = {name: x[before] for name, x in own.items()}
+        else:
+            read[stem] = {name: np.interp(t, brought[stem], x) for name, x in own.items()}
+    columns: dict[str, Any] = {clocks[base]: t}
+    for stem, own in read.items():
+        full = {name: f"{stem}.{name}" for name in own}
+        columns |= {full[n] if uses[n] > 1 or full[n] in wanted else n: x for n, x in own.items()}
     unit = _seconds(t, clocks[base], mapping)
     for stem, when in brought.items():
         held = _commands(stem)
         age = float(np.median(t - when[np.searchsorted(when, t, side="right") - 1])) * unit if held else 0.0
-        alike = [(columns[f"{base}.{c}"], columns[f"{stem}.{c}"]) for c in uses
-                 if f"{base}.{c}" in columns and f"{stem}.{c}" in columns]  # fmt: skip
+        alike = [(read[base][name], x) for name, x in read[stem].items() if name in read[base]]
         if held and not alike:
-            both = [
-                [columns[f"{s}.{c}" if f"{s}.{c}" in columns else c] for c in _numbers(tables[s], mapping)]
-                for s in (base, stem)
-            ]
-            alike = _following(unit * t, *both)
+            alike = _following(unit * t, list(read[base].values()), list(read[stem].values()))
         later = delay_of(unit * t, alike) if held else None
         told.append(Joined(folder.name, base, stem, held, age, None if later is None else later + age, len(t)))
     return RawTable(pd.DataFrame(columns))

@@ -3,6 +3,7 @@
 The state is (value, rate, acceleration), driven by white jerk; the value is measured. filterpy runs the first stretch,
 where the gain still changes; from there on the gain is constant, and filter and smoother are first-order recursions.
 filterpy's ready-made kinematic filters measure sums of axes in version 2; F, H and Q are therefore built here.
+Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation.
 """
 
 from __future__ import annotations
@@ -12,7 +13,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-SOURCE = "Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation"
 CURVED_ENDS = False
 _HALF_POWER = np.sqrt(2.0) - 1.0
 _LOWEST = 2e-4
@@ -100,44 +100,21 @@ def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.nda
 
 
 def _smooth_one(y: np.ndarray, m: Smoother, gains: Steady, start: int) -> np.ndarray:
-    n = len(y)
+    """Filter and smooth with varying gains over the first stretch, with constant ones behind it."""
     x0, P0 = _initial(y, m)
     kf = filterpy_filter(m, P0)
     kf.x = x0[:, None]
     # filterpy predicts before its first update; updating first keeps the prior at the first sample.
     means, covariances, _, _ = kf.batch_filter(y[:start, None, None], update_first=True)
-    filtered = np.empty((n, 3))
-    filtered[:start] = means[:, :, 0]
-    if start < n:
+    later = np.empty((0, 3))
+    if start < len(y):
         A = m.F - np.outer(gains.K, m.H @ m.F)
-        filtered[start:] = _recursion(A, gains.K[:, None] * y[start:], filtered[start - 1])
-    result = np.empty((n, 3))
-    if start < n:
-        drive = (np.eye(3) - gains.C @ m.F) @ filtered[start:-1].T
-        result[start:-1] = _recursion(gains.C, drive[:, ::-1], filtered[-1])[::-1]
-        result[-1] = filtered[-1]
-        last = result[start]
-    else:
-        last = None
-    return _smooth_start(result, filtered, covariances, m, start, last)
-
-
-def _smooth_start(
-    result: np.ndarray, filtered: np.ndarray, covariances: np.ndarray, m: Smoother, start: int, last: np.ndarray | None
-) -> np.ndarray:
-    """Run the RTS recursion with varying gains over the first stretch."""
-    if last is None:
-        result[start - 1] = filtered[start - 1]
-        begin = start - 2
-    else:
-        begin = start - 1
-    following = result[start - 1] if last is None else last
-    for k in range(begin, -1, -1):
-        predicted = m.F @ covariances[k] @ m.F.T + m.Q
-        C = np.linalg.solve(predicted.T, (covariances[k] @ m.F.T).T).T
-        following = filtered[k] + C @ (following - m.F @ filtered[k])
-        result[k] = following
-    return result
+        later = _recursion(A, gains.K[:, None] * y[start:], means[-1, :, 0])
+        drive = (np.eye(3) - gains.C @ m.F) @ later[:-1].T
+        later[:-1] = _recursion(gains.C, drive[:, ::-1], later[-1])[::-1]
+        means = np.concatenate([means, later[:1, :, None]])
+        covariances = np.concatenate([covariances, gains.P[None]])
+    return np.concatenate([kf.rts_smoother(means, covariances)[0][:start, :, 0], later])
 
 
 def _initial(y: np.ndarray, m: Smoother) -> tuple[np.ndarray, np.ndarray]:

@@ -23,7 +23,8 @@ from pamid.errors import (
 )
 
 from ..files import replacing
-from ._rows import Notes, free_name, handle_missing, handle_time, in_order, sampling_error
+from ..names import require_one_of
+from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error, with_names
 from ._tidy import Part, as_names, tidy
 from .formats import known_extensions
 from .formats._variables import natural
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
+_NAN, _SAMPLING = ("raise", "drop", "keep"), ("warn", "raise", "ignore")
 _MOST_FAULTS = 0.1  # share of impossible readings above which a wrong unit is likelier than a sensor fault
 
 
@@ -125,7 +127,8 @@ def read_log(
     >>> log["P"].round(3).tolist(), log["time"].tolist()
     ([401325.0, 411325.0, 431325.0], [0.0, 0.01, 0.02])
     """
-    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure, encoding)
+    overrides = {"time_order": time_order, "duplicates": duplicates, "encoding": encoding}
+    settings = log_settings(mapping, nan, sampling, ambient_pressure=ambient_pressure, **overrides)
     log, notes = read_with_notes(paths, settings, nan=nan, check_units=check_units, max_bytes=max_bytes)
     say_notes(notes, sampling, stacklevel=3)
     return log
@@ -147,29 +150,26 @@ def read_with_notes(
     frames = []
     for path, tables, zero_run in sources(files, settings, max_bytes, notes.joined):
         frames.append((path, tidy_tables(tables, zero_run, settings, path, nan, check_units, notes)))
-    return in_order(pd.concat(_with_unique_names(frames), ignore_index=True), notes), notes
+    log = pd.concat(_with_unique_names(frames), ignore_index=True)
+    note_sampling(log, notes)
+    return log, notes
 
 
 def log_settings(
     mapping: LogMapping | Mapping[str, Any] | PathLike | None,
     nan: str,
     sampling: str,
-    time_order: str | None,
-    duplicates: str | None,
-    ambient_pressure: float | None,
-    encoding: str | None = None,
+    *,
+    ambient_pressure: float | None = None,
+    **overrides: str | None,
 ) -> LogMapping:
     """Return a checked mapping with the overrides of `read_log`'s arguments."""
-    _require(nan, "nan", ("raise", "drop", "keep"))
-    _require(sampling, "sampling", ("warn", "raise", "ignore"))
-    settings = LogMapping.load(mapping)
-    settings = replace(
-        settings,
-        time_order=settings.time_order if time_order is None else time_order,
-        duplicates=settings.duplicates if duplicates is None else duplicates,
-        encoding=settings.encoding if encoding is None else encoding,
-        ambient_pressure=settings.ambient_pressure if ambient_pressure is None else float(ambient_pressure),
-    )
+    for name, value, offered in (("nan", nan, _NAN), ("sampling", sampling, _SAMPLING)):
+        require_one_of(value, offered, f"{name} is {value!r}.", "Correct it.", ParameterError)
+    changes: dict[str, Any] = {name: value for name, value in overrides.items() if value is not None}
+    if ambient_pressure is not None:
+        changes["ambient_pressure"] = float(ambient_pressure)
+    settings = replace(LogMapping.load(mapping), **changes)
     settings.validate()
     return settings
 
@@ -252,11 +252,6 @@ def say_notes(notes: Notes, sampling: str, stacklevel: int) -> None:
         warnings.warn("; ".join(said) + ".", SamplingWarning, stacklevel=stacklevel)
 
 
-def _require(value: str, name: str, offered: tuple[str, ...]) -> None:
-    if value not in offered:
-        raise ParameterError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct it.")
-
-
 def find_logs(paths: PathLike | Iterable[PathLike]) -> list[Path]:
     """List the log files that paths, folders and patterns name, in natural order, each once."""
     if getattr(paths, "columns", None) is not None:
@@ -324,16 +319,11 @@ def _with_unique_names(frames: list[tuple[Path, list[pd.DataFrame]]]) -> list[pd
     taken: set[str] = {name for name, count in uses.items() if count == 1}
     for (_, parts), label in zip(frames, labels, strict=True):
         for part in parts:
-            renamed = {}
-            for name in part["trajectory"].unique():
-                new = name
-                if uses[name] > 1:
-                    new = free_name(f"{name}@{label}" if len(frames) > 1 else name, taken)
-                    taken.add(new)
-                renamed[name] = new
-            if any(k != v for k, v in renamed.items()):
-                part = part.assign(trajectory=part["trajectory"].map(renamed))
-            result.append(part)
+            renamed = {name: name for name in part["trajectory"].unique()}
+            for name in (n for n in renamed if uses[n] > 1):
+                renamed[name] = free_name(f"{name}@{label}" if len(frames) > 1 else name, taken)
+                taken.add(renamed[name])
+            result.append(with_names(part, renamed))
     return result
 
 

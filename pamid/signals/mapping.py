@@ -15,6 +15,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
 
+from ..names import require_one_of
 from ..toml_files import TomlErrors, read_toml
 from .formats._encoding import is_encoding
 from .unit_names import find_unit, parse_quantity
@@ -372,8 +373,7 @@ class LogMapping:
             ("time_order", self.time_order, _ORDERS),
             ("duplicates", self.duplicates, _DUPLICATES),
         ):
-            if value not in offered:
-                raise MappingError(f"{name} is {value!r}.", f"one of {', '.join(offered)}", "Correct the mapping.")
+            require_one_of(value, offered, f"{name} is {value!r}.", "Correct the mapping.", MappingError)
         if self.encoding is not None and not is_encoding(self.encoding):
             raise MappingError(f"encoding is {self.encoding!r}.", "a name such as utf-8 or gb18030", "Correct it.")
         if self.skip_rows < 0:
@@ -386,6 +386,11 @@ class LogMapping:
             )
         if self.sampling_period is not None and not self.sampling_period > 0:
             raise MappingError(f"sampling_period is {self.sampling_period}.", "a positive time in s", "Correct it.")
+
+    @property
+    def run_column(self) -> str | int:
+        """Column that names the runs."""
+        return "trajectory" if self.trajectory is None else self.trajectory
 
     def constants_of(self, path: str | Path) -> dict[str, float]:
         """Collect the constants of one file, in SI.

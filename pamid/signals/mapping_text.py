@@ -19,22 +19,25 @@ def mapping_text(
     lines = [f"# {_plain(title)}"] if title else []
     lines.append("# Names and units of this log; what is left out is as the log has it. All settings: docs/logs.md")
     plain = {k: v for k, v in settings.items() if not isinstance(v, Mapping) and k != "files"}
-    lines += [f"{key} = {toml_value(value)}" for key, value in plain.items()]
+    lines += _lines(plain)
     if signals:
         lines += ["", "[signals]"]
     for name, entry in signals.items():
-        inside = ", ".join(f"{key} = {toml_value(value)}" for key, value in entry.items())
         comment = f"  # {_plain(comments[name])}" if comments.get(name) else ""
-        lines.append(f"{toml_key(name)} = {{ {inside} }}{comment}")
+        lines.append(f"{toml_key(name)} = {{ {', '.join(_lines(entry))} }}{comment}")
     for key, table in settings.items():
         if isinstance(table, Mapping) and table:
-            lines += ["", f"[{key}]", *(f"{toml_key(name)} = {toml_value(value)}" for name, value in table.items())]
+            lines += ["", f"[{key}]", *_lines(table)]
     for entry in settings.get("files", ()):
-        inside = ", ".join(f"{toml_key(name)} = {toml_value(value)}" for name, value in entry["constants"].items())
+        inside = ", ".join(_lines(entry["constants"]))
         lines += ["", "[[files]]", f"match = {toml_value(entry['match'])}", f"constants = {{ {inside} }}"]
     if unused:
         lines += ["", "# Not used:", *(f"#   {_plain(text)}" for text in unused)]
     return "\n".join(lines) + "\n"
+
+
+def _lines(table: Mapping[str, Any]) -> list[str]:
+    return [f"{toml_key(name)} = {toml_value(value)}" for name, value in table.items()]
 
 
 def _plain(text: str) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError, TruncatedLogError
+from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError
 from pamid.explained import explained_by
 
-from ._rows import Notes, free_name, in_order
+from ._rows import Notes, free_name, note_sampling, with_names
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
+from .formats._foreign import whole_file
 from .joining import is_joined
 from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
@@ -31,6 +33,7 @@ ROWS = 1_000_000
 _BATCH = 65_536
 
 
+@explained_by(read_log)
 def read_log_pieces(
     paths: PathLike | Iterable[PathLike],
     mapping: LogMapping | Mapping[str, Any] | PathLike | None = None,
@@ -48,18 +51,13 @@ def read_log_pieces(
 
     Parquet files, and HDF5 files that hold one table of vectors (what `write_log` writes), are read in slices; other
     files as a whole, one after the other. A piece has at most `rows` rows, or one run that is longer. Reading
-    and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log.
+    and evaluating one needs at most 150 MB and 60 bytes for each of its rows and columns, however long the log. The
+    warning on sampling comes after the last piece.
 
     Parameters
     ----------
-    paths : str, Path or iterable of them
-        Files, folders or patterns.
-    mapping : LogMapping, dict, path of a TOML file, optional
-        Names, units, references and constants of the log.
     rows : int, default=1000000
         Maximum number of rows of a piece of several runs.
-    nan, time_order, duplicates, sampling, check_units, ambient_pressure : optional
-        As for `read_log`; the warning on sampling comes after the last piece.
     max_bytes : int, default=16 GiB
         Largest size of a piece in memory.
 
@@ -86,7 +84,8 @@ def read_log_pieces(
     """
     if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
         raise ParameterError(f"rows is {rows!r}.", "a whole number of at least 1", "Correct it.")
-    settings = log_settings(mapping, nan, sampling, time_order, duplicates, ambient_pressure)
+    overrides = {"time_order": time_order, "duplicates": duplicates}
+    settings = log_settings(mapping, nan, sampling, ambient_pressure=ambient_pressure, **overrides)
     return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
 
 
@@ -135,7 +134,7 @@ def read_log_part(
     >>> part["trajectory"].tolist(), rows
     (['a', 'a', 'd', 'd'], 8)
     """
-    settings = log_settings(mapping, nan, "warn", None, None, None)
+    settings = log_settings(mapping, nan, "warn")
     files = find_logs(paths)
     if len(files) == 1 and files[0].stat().st_size:
         slicer = _SLICERS.get(format_of(files[0], settings.encoding).name)
@@ -158,7 +157,8 @@ def _spread(
     notes = Notes()
     tables = [RawTable(frame) for frame in sliced.read(spread_evenly(np.diff([0, *sliced.ends]), most))]
     parts = [part for table in tables for part in tidy_tables([table], None, settings, path, nan, check_units, notes)]
-    log = in_order(pd.concat(parts, ignore_index=True), notes)
+    log = pd.concat(parts, ignore_index=True)
+    note_sampling(log, notes)
     say_notes(notes, "warn", stacklevel=4)
     return log[:most]
 
@@ -203,9 +203,9 @@ def _pieces(
                 )
             new = {n: free_name(f"{n}@{label}", taken) if n in taken else n for n in names}
             taken |= dict.fromkeys([*names, *new.values()], path)
-            if any(k != v for k, v in new.items()):
-                frame[TRAJECTORY] = frame[TRAJECTORY].map(new)
-            yield in_order(frame, notes)
+            frame = with_names(frame, new)
+            note_sampling(frame, notes)
+            yield frame
     say_notes(notes, sampling, stacklevel=3)
 
 
@@ -257,21 +257,28 @@ def _require_size(path: Path, ends: list[int], columns: int, max_bytes: int) -> 
         )
 
 
-def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
+@contextmanager
+def _parquet_file(path: Path) -> Iterator[Any]:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
-            schema, total = file.schema_arrow, file.metadata.num_rows
-            flat = flat_columns(schema, settings)
-            named = names_column(flat, settings)
-            ends, met = [total], list[Any]()
-            if named is not None:
-                batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
-                ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows, met)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _damaged(path, error) from None
+    # Buffered ahead, all row groups that were read would be kept until the file is closed.
+    with (
+        whole_file(path, (pa.ArrowException, OSError, ValueError)),
+        pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file,
+    ):
+        yield file
+
+
+def _parquet(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
+    with _parquet_file(path) as file:
+        schema, total = file.schema_arrow, file.metadata.num_rows
+        flat = flat_columns(schema, settings)
+        named = names_column(flat, settings)
+        ends, met = [total], list[Any]()
+        if named is not None:
+            batches = file.iter_batches(batch_size=_BATCH, columns=[flat[named]], use_threads=False)
+            ends = cuts((b.column(0).to_numpy(zero_copy_only=False) for b in batches), rows, met)
     if total == 0:
         return None
     _require_size(path, ends, len(flat), max_bytes)
@@ -282,37 +289,25 @@ def _parquet_slices(
     path: Path, columns: list[str], ends: list[int], chosen: Collection[int] | None = None
 ) -> Iterator[pd.DataFrame]:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     from .formats.parquet import frame_of
 
-    try:
-        # Buffered ahead, all row groups that were read would be kept until the file is closed.
-        with pq.ParquetFile(path, pre_buffer=False, page_checksum_verification=True) as file:
-            waiting: list[Any] = []
-            held, left = 0, deque(enumerate(b - a for a, b in zip([0, *ends], ends, strict=False)))
-            for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
-                waiting.append(batch)
-                held += len(batch)
-                while left and held >= left[0][1]:
-                    number, rows = left.popleft()
-                    table = pa.Table.from_batches(waiting)
-                    rest = table.slice(rows)
-                    # Zero-copy slices would keep what is behind them; the last batch alone is copied.
-                    waiting = rest.to_batches()[-1:] if rest.num_rows else []
-                    held = rest.num_rows
-                    if chosen is None or number in chosen:
-                        yield frame_of(table.slice(0, rows), path)
-                    del table, rest
-    except (pa.ArrowException, OSError, ValueError) as error:
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: Path, error: Exception) -> Exception:
-    if isinstance(error, HostileLogError):
-        return error
-    said = (str(error).splitlines() or ["no detail"])[0][:160]
-    return TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", "a complete file", "Copy the log again.")
+    with _parquet_file(path) as file:
+        waiting: list[Any] = []
+        held, left = 0, deque(enumerate(b - a for a, b in zip([0, *ends], ends, strict=False)))
+        for batch in file.iter_batches(batch_size=_BATCH, columns=columns, use_threads=False):
+            waiting.append(batch)
+            held += len(batch)
+            while left and held >= left[0][1]:
+                number, rows = left.popleft()
+                table = pa.Table.from_batches(waiting)
+                rest = table.slice(rows)
+                # Zero-copy slices would keep what is behind them; the last batch alone is copied.
+                waiting = rest.to_batches()[-1:] if rest.num_rows else []
+                held = rest.num_rows
+                if chosen is None or number in chosen:
+                    yield frame_of(table.slice(0, rows), path)
+                del table, rest
 
 
 def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced | None:
@@ -322,23 +317,20 @@ def _hdf5(path: Path, settings: LogMapping, rows: int, max_bytes: int) -> Sliced
 
     if settings.trajectories is not None or settings.zero_run is not None:
         return None
-    try:
-        with h5py.File(path, "r") as file:
-            found: dict[str, Any] = {}
-            collect(file, "", found, [], depth=0)
-            tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
-            if is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
-                return None
-            group, table = tables[0]
-            if any(item.ndim != 1 for item in table.values()):
-                return None
-            columns = list(table)
-            named = names_column(columns, settings)
-            total = len(next(iter(table.values())))
-            met: list[Any] = []
-            ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows, met)
-    except OSError as error:
-        raise _damaged(path, error) from None
+    with whole_file(path, (OSError,)), h5py.File(path, "r") as file:
+        found: dict[str, Any] = {}
+        collect(file, "", found, [], depth=0)
+        tables = [(name, item) for name, item in found.items() if isinstance(item, dict)]
+        if is_matlab(path, file) or len(found) != 1 or len(tables) != 1:
+            return None
+        group, table = tables[0]
+        if any(item.ndim != 1 for item in table.values()):
+            return None
+        columns = list(table)
+        named = names_column(columns, settings)
+        total = len(next(iter(table.values())))
+        met: list[Any] = []
+        ends = [total] if named is None else cuts(_vector(table[columns[named]]), rows, met)
     _require_size(path, ends, len(columns), max_bytes)
     return Sliced(ends, len(set(met)) == len(met), partial(_hdf5_slices, path, group, columns, ends))
 
@@ -360,13 +352,10 @@ def _hdf5_slices(
     import h5py
     import pandas as pd
 
-    try:
-        with h5py.File(path, "r") as file:
-            for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):
-                if chosen is None or number in chosen:
-                    yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
-    except OSError as error:
-        raise _damaged(path, error) from None
+    with whole_file(path, (OSError,)), h5py.File(path, "r") as file:
+        for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):
+            if chosen is None or number in chosen:
+                yield pd.DataFrame({c: _values(file[group][c], begin, end) for c in columns})
 
 
 _SLICERS: dict[str, Callable[[Path, LogMapping, int, int], Sliced | None]] = {"parquet": _parquet, "HDF5": _hdf5}

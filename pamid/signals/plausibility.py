@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import PressureReferenceError, UnitError, UnitWarning
 
-from .units import base_name
+from .units import DIMENSIONS, base_name
 
 
 class UnitFinding(NamedTuple):
@@ -94,70 +94,45 @@ def _gauge_pressure(name: str, r: _Range, ambient: float) -> UnitFinding | None:
     return None
 
 
-def _ratio(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size >= 1.0:
-        unit = "percent" if r.size <= 100.0 else "a length in mm"
-        return UnitFinding(
-            name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "the contraction ratio (below 1)"
-        )
+def _too_large(base: str, size: float) -> tuple[str, str] | None:
+    """Return the unit that readings of a size look like, and the one expected; None where they may be in SI."""
+    match base:
+        case "eps" if size >= 1.0:
+            return "percent" if size <= 100.0 else "a length in mm", "the contraction ratio (below 1)"
+        case "deps" if size > 100.0:
+            return "percent or mm per second", "1/s"
+        case "q" if size > 3.5:
+            return "degrees", "rad"
+        case "F" if size > 1e5:
+            return "mN", "N"
+        case "mdot" if size > 0.5:
+            return "g/s" if size < 5 else "L/min", "kg/s"
+        case "u" if size > 1.5:
+            return "volts" if size <= 12 else "percent", "a command from -1 to 1"
     return None
 
 
-def _angle(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size > 3.5:
-        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like degrees", "rad")
-    return None
-
-
-def _length(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size > 5.0:
+def _finding(name: str, base: str, values: np.ndarray, ambient: float) -> UnitFinding | None:
+    if base == "time":
+        return _time(name, values)
+    r = _range(values)
+    if base in ("P", "P_supply"):
+        return _absolute_pressure(name, r, ambient)
+    if base in ("p", "p_gauge"):
+        return _gauge_pressure(name, r, ambient)
+    if base in _LENGTHS and r.size > 5.0:
         return UnitFinding(name, f"{name} {r.size:.4g} looks like mm", "m")
-    return None
-
-
-def _force(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size > 1e5:
-        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like mN", "N")
-    return None
-
-
-def _flow(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size > 0.5:
-        unit = "g/s" if r.size < 5 else "L/min"
-        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "kg/s")
-    return None
-
-
-def _command(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size > 1.5:
-        unit = "volts" if r.size <= 12 else "percent"
-        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {unit}", "a command from -1 to 1")
-    return None
-
-
-def _temperature(name: str, r: _Range, ambient: float) -> UnitFinding | None:
-    if r.size < 150:
+    if base == "T" and r.size < 150:
         return UnitFinding(name, f"{name} is {r.high:.4g}: that looks like °C", "K")
+    if base == "dP" and 0.0 < r.size < 100.0:
+        return UnitFinding(name, f"{name} stays below {r.size:.4g}: that looks like bar/s or kPa/s", "Pa/s")
+    if (found := _too_large(base, r.size)) is not None:
+        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like {found[0]}", found[1])
     return None
 
 
-_RULES: dict[str, Callable[[str, _Range, float], UnitFinding | None]] = {
-    "P": _absolute_pressure,
-    "P_supply": _absolute_pressure,
-    "p": _gauge_pressure,
-    "p_gauge": _gauge_pressure,
-    "eps": _ratio,
-    "q": _angle,
-    "L": _length,
-    "length": _length,
-    "rest_length": _length,
-    "x": _length,
-    "stroke": _length,
-    "F": _force,
-    "mdot": _flow,
-    "u": _command,
-    "T": _temperature,
-}
+_LENGTHS = ("L", "length", "rest_length", "x", "stroke")
+_ANY_SIZE = ("dq", "load_mass")
 
 
 def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATMOSPHERIC_PRESSURE) -> list[UnitFinding]:
@@ -165,23 +140,14 @@ def implausible_units(table: Mapping[str, Any], *, ambient_pressure: float = ATM
     if hasattr(table, "_asdict"):
         table = table._asdict()
     findings = []
-    rates = {"deps": 0.0, "dP": 0.0}
     for name in table.keys():  # noqa: SIM118 - a DataFrame iterates over names too, a NamedTuple's dict as well
         base = base_name(str(name))
-        if base not in _RULES and base not in rates and base != "time":
+        if base not in DIMENSIONS or base in _ANY_SIZE:
             continue
         values = np.asarray(table[name], dtype=float).ravel()
         if not (finite := np.isfinite(values)).all():
             values = values[finite]
-        if not values.size:
-            continue
-        if base == "time":
-            finding = _time(str(name), values)
-        elif base in _RULES:
-            finding = _RULES[base](str(name), _range(values), ambient_pressure)
-        else:
-            finding = _rate(str(name), base, _range(values))
-        if finding is not None:
+        if values.size and (finding := _finding(str(name), base, values, ambient_pressure)) is not None:
             findings.append(finding)
     return findings
 
@@ -191,14 +157,6 @@ def _time(name: str, time: np.ndarray) -> UnitFinding | None:
     steps = steps[steps > 0]
     if steps.size and (step := float(np.median(steps))) >= 0.99:
         return UnitFinding(name, f"{name} advances by {step:.4g} per sample: that looks like ms", "s")
-    return None
-
-
-def _rate(name: str, base: str, r: _Range) -> UnitFinding | None:
-    if base == "deps" and r.size > 100.0:
-        return UnitFinding(name, f"{name} reaches {r.size:.4g}: that looks like percent or mm per second", "1/s")
-    if base == "dP" and 0.0 < r.size < 100.0:
-        return UnitFinding(name, f"{name} stays below {r.size:.4g}: that looks like bar/s or kPa/s", "Pa/s")
     return None
 
 

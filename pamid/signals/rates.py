@@ -21,6 +21,7 @@ from pamid.errors import (
     UnknownOptionError,
 )
 
+from ..names import require_one_of
 from .noise import noise_level
 
 METHODS = ("savgol", "spline", "kalman")
@@ -42,8 +43,7 @@ class Grid(NamedTuple):
 
 
 def _method(name: str) -> ModuleType:
-    if name not in METHODS:
-        raise UnknownOptionError(f"method is {name!r}.", f"one of {', '.join(METHODS)}", "Choose one of them.")
+    require_one_of(name, METHODS, f"method is {name!r}.", "Choose one of them.")
     return importlib.import_module(f"pamid.signals.{name}")
 
 
@@ -223,20 +223,22 @@ def tune_cutoff(
     >>> slow < fast
     True
     """
-    from .tuning import tune
-
     module = _method(method)
     single = not isinstance(signals, list | tuple) or not np.ndim(signals[0])
     runs = [signals] if single else list(signals)
     clocks = ([times] if single else list(times)) if times is not None else [None] * len(runs)
-    equal, periods, noises = [], [], []
-    for y, t in zip(runs, clocks, strict=True):
-        channel, _ = _as_channels(y)
-        grid = sampling_grid(t, sampling_period, warn=False)
-        equal.append(_on_equal_steps(channel[:, :1], grid, "savgol")[0][:, 0])
-        periods.append(grid.period)
-        noises.append(_noise(channel[:, 0], grid))
-    return tune(equal, periods, module.gain, noises, curved_ends=module.CURVED_ENDS)
+    channels = [_as_channels(y)[0][:, 0] for y in runs]
+    return _tuned(module, channels, [sampling_grid(t, sampling_period, warn=False) for t in clocks])
+
+
+def _tuned(module: ModuleType, runs: Sequence[np.ndarray], grids: Sequence[Grid]) -> float:
+    """Return the best cut-off frequency of one channel over its runs."""
+    from .tuning import tune
+
+    both = list(zip(runs, grids, strict=True))
+    equal = [_on_equal_steps(y[:, None], grid, "savgol")[0][:, 0] for y, grid in both]
+    noises = [_noise(y, grid) for y, grid in both]
+    return tune(equal, [grid.period for grid in grids], module.gain, noises, curved_ends=module.CURVED_ENDS)
 
 
 def _as_channels(y: Any) -> tuple[np.ndarray, bool]:
@@ -302,14 +304,7 @@ def _cutoffs(tuning: Any, y: np.ndarray, grid: Grid, method: str) -> np.ndarray:
     if isinstance(tuning, str):
         if tuning != "auto":
             raise UnknownOptionError(f"tuning is {tuning!r}.", "'auto' or a cut-off frequency in Hz", "Correct it.")
-        from .tuning import tune
-
-        module, equal = _method(method), _on_equal_steps(y, grid, "savgol")[0]
-        chosen = [
-            tune([equal[:, i]], [grid.period], module.gain, [_noise(y[:, i], grid)], curved_ends=module.CURVED_ENDS)
-            for i in range(channels)
-        ]
-        return np.array(chosen)
+        return np.array([_tuned(_method(method), [channel], [grid]) for channel in y.T])
     cutoffs = np.atleast_1d(np.asarray(tuning, dtype=float))
     if cutoffs.shape not in ((1,), (channels,)) or not np.isfinite(cutoffs).all() or (cutoffs <= 0).any():
         raise ParameterError(
@@ -335,12 +330,9 @@ def _smooth_channels(
 
 def _read_back(results: tuple[np.ndarray, ...], at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Interpolate from equal steps to the given times, in steps."""
+    from scipy.interpolate import CubicHermiteSpline, make_interp_spline
+
     value, rate, second = results
-    k = np.clip(at.astype(int), 0, len(value) - 2)
-    s = (at - k)[:, None]
-
-    def hermite(f: np.ndarray, d: np.ndarray) -> np.ndarray:
-        jump = f[k + 1] - f[k]
-        return f[k] + s * (d[k] + s * (3 * jump - 2 * d[k] - d[k + 1] + s * (d[k] + d[k + 1] - 2 * jump)))
-
-    return hermite(value, rate), hermite(rate, second), second[k] + s * (second[k + 1] - second[k])
+    steps = np.arange(len(value))
+    carried = CubicHermiteSpline(steps, value, rate)(at), CubicHermiteSpline(steps, rate, second)(at)
+    return *carried, make_interp_spline(steps, second, k=1)(at)

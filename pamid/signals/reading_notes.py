@@ -64,14 +64,20 @@ class Readings:
         entry = self.found.setdefault((signal, kind), _Found(float(first[signal]), place, done))
         entry.count += int(bad.sum())
 
-    def first(self) -> str:
-        """Return the first finding as text, without the remedy."""
-        (signal, kind), found = next(iter(self.found.items()))
-        return _words(signal, kind, found)
+    def words(self, signal: str, kind: str) -> str:
+        """Return a finding as text, without the remedy."""
+        f = self.found[signal, kind]
+        value = f"{f.value:.6g}{_unit(signal)}"
+        where = str(f.place) if f.count == 1 else f"{f.count} readings, the first in {f.place}"
+        if kind == "impossible":
+            return f"{signal} cannot be {value} ({where})"
+        if kind == "end":
+            return f"{signal} begins or ends a run with {value}, far from the readings beside it ({where})"
+        return f"{signal} jumps to {value} and back at once ({where})"
 
     def sentences(self) -> list[str]:
         """Return the findings as text, one per signal and kind: what, where, how often, and what is done about it."""
-        said = [f"{_words(signal, kind, f)}: {f.done}" for (signal, kind), f in self.found.items()]
+        said = [f"{self.words(*key)}: {f.done}" for key, f in self.found.items()]
         for signal, runs in self.still.items():
             value = f"{next(iter(runs.values())):.6g}{_unit(signal)}"
             if len(runs) == self.runs and len(set(runs.values())) == 1:
@@ -98,13 +104,3 @@ class Readings:
 def _unit(signal: str) -> str:
     unit = SI_UNITS.get(dimension_of(signal) or "", "-")
     return "" if unit == "-" else f" {unit}"
-
-
-def _words(signal: str, kind: str, f: _Found) -> str:
-    value = f"{f.value:.6g}{_unit(signal)}"
-    where = str(f.place) if f.count == 1 else f"{f.count} readings, the first in {f.place}"
-    if kind == "impossible":
-        return f"{signal} cannot be {value} ({where})"
-    if kind == "end":
-        return f"{signal} begins or ends a run with {value}, far from the readings beside it ({where})"
-    return f"{signal} jumps to {value} and back at once ({where})"

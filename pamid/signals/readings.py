@@ -69,9 +69,13 @@ def screen(
         values = frame[signal].to_numpy(dtype=float)
         bad = impossible(signal, values, ambient_pressure)
         if bad.any():
-            if nan == "raise":
-                raise _refusal(signal, frame, origin, bad, where)
             notes.note(signal, "impossible", frame, bad, MISSING, origin)
+            if nan == "raise":
+                raise ReadingError(
+                    f"{where}: {notes.words(signal, 'impossible')}.",
+                    "readings that the quantity can have",
+                    "Read with nan='keep' to take them as missing, or nan='drop' to leave these rows out.",
+                )
         if base_name(signal) in _SENSORS and not signal.endswith(_COMMANDS) and signal not in skip:
             readings = _without(values, bad)
             jumps = glitches(readings, rows_of_runs)
@@ -129,16 +133,6 @@ def _marks(sensors: Mapping[str, np.ndarray], runs: Iterable[tuple[str, Rows]]) 
 
 def _moves(y: np.ndarray) -> bool:
     return bool(np.any(y != y[0]))
-
-
-def _refusal(signal: str, frame: pd.DataFrame, origin: pd.DataFrame, bad: np.ndarray, where: str) -> ReadingError:
-    found = Readings()
-    found.note(signal, "impossible", frame, bad, "", origin)
-    return ReadingError(
-        f"{where}: {found.first()}.",
-        "readings that the quantity can have",
-        "Read with nan='keep' to take them as missing, or nan='drop' to leave these rows out.",
-    )
 
 
 def glitches(values: np.ndarray, runs: Sequence[Rows]) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -73,29 +73,48 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
     import pandas as pd
 
     require_columns(log, ["trajectory", "time", *hold])
-    time = log["time"].to_numpy(dtype=float)
-    runs = list(blocks(log["trajectory"].to_numpy(dtype=object)))
     if period is None:
-        period = max(sampling_grid(time[rows], warn=False).period for _, rows in runs)
+        period = _longest_period([log])
     if not np.isfinite(period) or period <= 0:
         raise ParameterError(f"period is {period}.", "a positive time in s", "Correct it.")
-    signals = [c for c in log.columns if c not in ("trajectory", "time")]
     parts = []
-    for name, rows in runs:
-        t = time[rows]
+    for name, rows in blocks(log["trajectory"].to_numpy(dtype=object)):
+        t = log["time"].to_numpy(dtype=float)[rows]
         sampling_grid(t, warn=False)  # words the errors of times that do not increase
-        count = int(np.floor((t[-1] - t[0]) / period * (1 + 1e-9))) + 1
-        if len(t) < 2 or count < 2:
+        new = _steps(t[0], t[-1], period)
+        if len(t) < 2 or len(new) < 2:
             raise ShortTrajectoryError(
                 f"Run '{name}' lasts {t[-1] - t[0]:.4g} s.", f"at least one period of {period:.4g} s", "Drop it."
             )
-        new = t[0] + period * np.arange(count)
-        columns: dict[str, object] = {"trajectory": np.repeat(name, count), "time": new}
-        for signal in signals:
-            columns[signal] = _carry(log[signal].iloc[rows], t, new, period, hold=signal in hold)
-        parts.append(pd.DataFrame(columns))
+        parts.append(_carried([log.iloc[rows]], name, new, period, hold))
     result = pd.concat(parts, ignore_index=True)
     return result.astype({"trajectory": log["trajectory"].dtype})[list(log.columns)]
+
+
+def _longest_period(logs: Sequence[pd.DataFrame]) -> float:
+    return max(
+        sampling_grid(log["time"].to_numpy(dtype=float)[rows], warn=False).period
+        for log in logs
+        for _, rows in blocks(log["trajectory"].to_numpy(dtype=object))
+    )
+
+
+def _steps(start: float, stop: float, period: float) -> np.ndarray:
+    return start + period * np.arange(int(np.floor((stop - start) / period * (1 + 1e-9))) + 1)
+
+
+def _carried(
+    runs: Sequence[pd.DataFrame], name: Any, new: np.ndarray, period: float, hold: Sequence[str]
+) -> pd.DataFrame:
+    """Return the signals of a run, from one log or several, at new times."""
+    import pandas as pd
+
+    columns: dict[str, object] = {"trajectory": np.repeat(name, len(new)), "time": new}
+    for run in runs:
+        t = run["time"].to_numpy(dtype=float)
+        for signal in run.columns.drop(["trajectory", "time"]):
+            columns[signal] = _carry(run[signal], t, new, period, hold=signal in hold)
+    return pd.DataFrame(columns)
 
 
 def _carry(column: pd.Series, t: np.ndarray, new: np.ndarray, period: float, *, hold: bool) -> np.ndarray:
@@ -193,11 +212,7 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
                 f"The runs {', '.join(odd[:4])} are not in all logs.", "the same in all", "Leave them out."
             )
     if period is None:
-        period = max(
-            sampling_grid(log["time"].to_numpy(float)[rows], warn=False).period
-            for log in logs
-            for _, rows in blocks(log["trajectory"].to_numpy(dtype=object))
-        )
+        period = _longest_period(logs)
     parts = []
     for name in names:
         runs = [log[log["trajectory"] == name] for log in logs]
@@ -207,13 +222,7 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
             raise TimeError(
                 f"The logs of '{name}' share {max(stop - start, 0.0):.4g} s.", "times on one clock", "Align the clocks."
             )
-        new = start + period * np.arange(int(np.floor((stop - start) / period * (1 + 1e-9))) + 1)
-        columns: dict[str, object] = {"trajectory": np.repeat(name, len(new)), "time": new}
-        for o in runs:
-            t = o["time"].to_numpy(dtype=float)
-            for signal in o.columns.drop(["trajectory", "time"]):
-                columns[signal] = _carry(o[signal], t, new, period, hold=signal in hold)
-        parts.append(pd.DataFrame(columns))
+        parts.append(_carried(runs, name, _steps(start, stop, period), period, hold))
     return pd.concat(parts, ignore_index=True).astype({"trajectory": logs[0]["trajectory"].dtype})
 
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from .noise import noise_level
+from .stretches import equal_stretches
 
 DURATION = 0.1
 """Shortest rest, s; rests and motions are found equally well with half and with twice as much
@@ -26,8 +25,7 @@ def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
 
     n = max(ROWS, round(DURATION / dt))
     out = np.zeros(len(x), dtype=bool)
-    borders = np.concatenate([[0], np.flatnonzero(np.diff(codes)) + 1, [len(x)]])
-    runs = [(a, b) for a, b in pairwise(borders.tolist()) if b - a > n]
+    runs = [(a, b) for a, b in equal_stretches(codes) if b - a > n]
     moved = {(a, b): maximum_filter1d(x[a:b], n) - minimum_filter1d(x[a:b], n) for a, b in runs}
     if not moved:
         return out

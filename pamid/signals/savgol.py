@@ -1,4 +1,7 @@
-"""Savitzky-Golay rates: the derivative of a cubic fitted in a moving window."""
+"""Savitzky-Golay rates: the derivative of a cubic fitted in a moving window.
+
+Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,6 @@ import numpy as np
 
 DEGREE = 3
 CURVED_ENDS = True
-SOURCE = "Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097"
 
 
 def window_of(cutoff: float, n: int | None = None) -> int:
@@ -19,14 +21,17 @@ def window_of(cutoff: float, n: int | None = None) -> int:
 
 
 @lru_cache(maxsize=256)
+def _fit(window: int) -> tuple[np.ndarray, np.ndarray]:
+    """Place of each sample of a window, from -1 to 1, and the weights that give a cubic's coefficients there."""
+    x = np.arange(-(window // 2), window // 2 + 1) / (window // 2)
+    basis, triangle = np.linalg.qr(np.vander(x, min(DEGREE, window - 1) + 1, increasing=True))
+    return x, np.linalg.solve(triangle, basis.T)
+
+
 def _kernels(window: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weights of value, rate and second rate at the middle of a window, from orthogonal polynomials."""
-    half = window // 2
-    x = np.arange(-half, half + 1) / half
-    degree = min(DEGREE, window - 1)
-    basis, triangle = np.linalg.qr(np.vander(x, degree + 1, increasing=True))
-    to_powers = np.linalg.solve(triangle, basis.T)
-    return to_powers[0], to_powers[1] / half, 2 * to_powers[2] / half**2
+    """Weights of value, rate and second rate at the middle of a window."""
+    half, (_, weights) = window // 2, _fit(window)
+    return weights[0], weights[1] / half, 2 * weights[2] / half**2
 
 
 def gain(omega: np.ndarray, cutoff: float) -> np.ndarray:
@@ -54,34 +59,18 @@ def smooth(y: np.ndarray, cutoff: float) -> tuple[np.ndarray, np.ndarray, np.nda
     centre = y.mean(axis=0)
     y = y - centre
     results = []
-    ends = _end_fits(y, window)
     for order, kernel in enumerate(_kernels(window)):
-        out = np.empty_like(y)
+        first, last = (_cubic(part, window, order) for part in (y[:window], y[-window:]))
         inner = oaconvolve(y, kernel[::-1, None], mode="valid", axes=0)
-        out[half : n - half] = inner
-        out[:half] = ends[0][order]
-        out[n - half :] = ends[1][order]
-        results.append(out)
+        results.append(np.concatenate([first[:half], inner, last[half + 1 :]]))
     return results[0] + centre, results[1], results[2]
 
 
-def _end_fits(y: np.ndarray, window: int) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Value, rate and second rate of the cubics of the first and the last window, outside their middles."""
-    half = window // 2
-    x = np.arange(-half, half + 1) / half
-    powers = np.vander(x, min(DEGREE, window - 1) + 1, increasing=True)
-    basis, triangle = np.linalg.qr(powers)
-    to_powers = np.linalg.solve(triangle, basis.T)
-    sides = []
-    for part, rows in ((y[:window], slice(0, half)), (y[-window:], slice(half + 1, window))):
-        coefficients = to_powers @ part
-        fits = []
-        for order in range(3):
-            k = np.arange(order, len(coefficients))
-            factor = np.ones(len(k)) if order == 0 else (k if order == 1 else k * (k - 1)).astype(float)
-            fits.append(powers[rows, : len(k)] @ (factor[:, None] * coefficients[order:]) / half**order)
-        sides.append(fits)
-    return sides[0], sides[1]
+def _cubic(y: np.ndarray, window: int, order: int) -> np.ndarray:
+    """Values of the cubic of one window, or of its derivative, at the window's samples."""
+    x, weights = _fit(window)
+    derivative = np.polynomial.polynomial.polyder(weights @ y, order, axis=0)
+    return np.polynomial.polynomial.polyval(x, derivative).T / (window // 2) ** order
 
 
 def rate_over(x: np.ndarray, dt: float, half: int, order: int = 1) -> np.ndarray:

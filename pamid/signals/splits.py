@@ -42,14 +42,47 @@ class _TrajectorySplitter(BaseCrossValidator):
         """Return the fold of each row, numbered from 0."""
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield the folds."""
-        folds = self._folds(X, trajectories_of(X, groups, needed_by=type(self).__name__))
+        """Yield the folds.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, shape (n_samples, n_features)
+            The table.
+        y : array_like, optional
+            Ignored.
+        groups : array_like, shape (n_samples,), optional
+            Run of each row; a column ``trajectory`` of X serves as well.
+
+        Yields
+        ------
+        tuple of two ndarrays of int
+            Rows to train on and rows to test on.
+        """
+        folds = self._folds(X, self._names(X, groups))
         for fold in range(int(folds.max()) + 1):
             yield np.flatnonzero(folds != fold), np.flatnonzero(folds == fold)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """Count the folds."""
-        return int(self._folds(X, trajectories_of(X, groups, needed_by=type(self).__name__)).max()) + 1
+        """Count the folds.
+
+        Parameters
+        ----------
+        X : DataFrame or array_like, optional
+            The table.
+        y : array_like, optional
+            Ignored.
+        groups : array_like, optional
+            Run of each row.
+
+        Returns
+        -------
+        int
+            Number of folds.
+        """
+        return int(self._folds(X, self._names(X, groups)).max()) + 1
+
+    def _names(self, X: Any, groups: Any) -> np.ndarray:
+        return trajectories_of(X, groups, needed_by=type(self).__name__)
 
 
 def _number(keys: np.ndarray) -> tuple[list[Any], np.ndarray]:
@@ -120,22 +153,7 @@ class TrajectoryKFold(_TrajectorySplitter):
             raise ParameterError(f"n_splits is {self.n_splits!r}.", "a whole number, 2 or more", "Correct it.")
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """Count the folds.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, optional
-            Ignored.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, optional
-            Ignored.
-
-        Returns
-        -------
-        int
-            `n_splits`.
-        """
+        """Count the folds; neither the table nor its runs are needed."""
         self._check()
         return int(self.n_splits)
 
@@ -198,47 +216,10 @@ class LeaveOneMuscleOut(_TrajectorySplitter):
     def __init__(self, muscle: Mapping[Any, Any] | Callable[[Any], Any] | None = None) -> None:
         self.muscle = muscle
 
-    def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Go through the muscles.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
-
-        Yields
-        ------
-        tuple of two ndarrays of int
-            Rows to train on and rows to test on.
-        """
-        yield from super().split(X, y, self._groups(X, groups))
-
-    def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """Count the muscles.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, optional
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, optional
-            Run of each row.
-
-        Returns
-        -------
-        int
-            Number of muscles.
-        """
-        return super().get_n_splits(X, y, self._groups(X, groups))
-
-    def _groups(self, X: Any, groups: Any) -> Any:
+    def _names(self, X: Any, groups: Any) -> np.ndarray:
         """A column of muscles needs no names of runs."""
-        return X["muscle"] if self.muscle is None and "muscle" in getattr(X, "columns", ()) else groups
+        own = self.muscle is None and "muscle" in getattr(X, "columns", ())
+        return super()._names(X, X["muscle"] if own else groups)
 
     def _folds(self, X: Any, names: np.ndarray) -> np.ndarray:
         keys, codes = _number(names)

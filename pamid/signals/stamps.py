@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .thinning import spaced
 
 if TYPE_CHECKING:
-    import numpy as np
     import pandas as pd
 
 _DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%m-%Y", "%d.%m.%y", "%d-%b-%Y", "%d %b %Y", "%b %d, %Y")
@@ -50,13 +51,9 @@ def _seconds(stamps: pd.Series) -> np.ndarray:
 
 def _past_midnight(seconds: np.ndarray) -> np.ndarray:
     """Add a day wherever a time of day jumps from evening to morning."""
-    import numpy as np
-
     falls = np.diff(seconds, prepend=seconds[:1]) < -43_200.0
     return np.asarray(seconds + 86_400.0 * np.cumsum(falls))
 
 
 def _span(seconds: np.ndarray) -> float:
-    import numpy as np
-
     return float(np.nanmax(seconds) - np.nanmin(seconds))

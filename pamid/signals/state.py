@@ -1,4 +1,4 @@
-"""The state of one muscle over many samples, the input of every law and volume model."""
+"""The state of one muscle over many samples, the input of every law and volume model; roles of columns."""
 
 from __future__ import annotations
 
@@ -39,3 +39,12 @@ class State(NamedTuple):
 
 STATE_SIGNALS = State._fields
 """The signals in the order in which a plain array holds them: ``("eps", "deps", "P", "dP")``."""
+
+ROLES = {
+    "eps": "position", "deps": "velocity", "q": "position", "dq": "velocity", "P": "pressure", "dP": "pressure_rate",
+    "u": "command", "time": "time", "mdot": "flow", "F": "force",
+}  # fmt: skip
+"""Role of each column; contraction of a muscle and angle of a joint are both positions."""
+
+STATE_ROLES = {name: ROLES[name] for name in STATE_SIGNALS}
+"""Roles of the columns of a muscle's state."""

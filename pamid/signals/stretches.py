@@ -8,13 +8,19 @@ from itertools import pairwise
 import numpy as np
 
 
+def stretches_of(rows: np.ndarray) -> list[tuple[int, int]]:
+    """Return the stretches of rows that are true, each as its first row and the one behind its last."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], np.asarray(rows).astype(np.int8), [0]])))
+    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+
+
 def equal_stretches(x: np.ndarray, codes: np.ndarray | None = None) -> list[tuple[int, int]]:
     """Cut a signal into stretches of one reading each."""
     if not len(x):
         return []
-    changes = np.diff(x) != 0
+    changes = np.asarray(x[1:] != x[:-1])
     if codes is not None:
-        changes |= np.diff(codes) != 0
+        changes |= codes[1:] != codes[:-1]
     edges = np.flatnonzero(np.concatenate([[True], changes, [True]]))
     return list(pairwise(edges.tolist()))
 

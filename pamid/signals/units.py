@@ -24,33 +24,6 @@ class Unit(NamedTuple):
     """Pressure units only: True for gauge (``barg``), False for absolute (``bara``), None where the unit is silent."""
 
 
-SI_UNITS = {
-    "time": "s",
-    "pressure": "Pa",
-    "length": "m",
-    "angle": "rad",
-    "angular rate": "rad/s",
-    "ratio": "-",
-    "ratio rate": "1/s",
-    "pressure rate": "Pa/s",
-    "force": "N",
-    "mass flow": "kg/s",
-    "volume flow": "m3/s",
-    "mass": "kg",
-    "temperature": "K",
-    "voltage": "V",
-    "current": "A",
-    "torque": "N m",
-    "speed": "m/s",
-    "acceleration": "m/s2",
-    "frequency": "Hz",
-    "angular acceleration": "rad/s2",
-    "area": "m2",
-    "volume": "m3",
-    "power": "W",
-}
-"""The SI unit of each dimension."""
-
 _INCH, _POUND, _DEGREE = 0.0254, 4.4482216152605, 0.017453292519943295
 _NORMAL_LITRE, _REFERENCE_LITRE = _NORMAL_DENSITY * 1e-3, REFERENCE_DENSITY * 1e-3
 
@@ -162,6 +135,8 @@ UNITS_OF: dict[str, dict[str, float]] = {
     "volume": {"m3": 1, "cm3": 1e-6, "mL": 1e-6},
     "power": {"W": 1, "kW": 1e3},
 }
+"""Units of each dimension with their factors to SI; the first one is the SI unit."""
+SI_UNITS = {dimension: next(iter(units)) for dimension, units in UNITS_OF.items()}
 
 UNITS: dict[str, Unit] = {
     name: Unit(dimension, factor) for dimension, units in UNITS_OF.items() for name, factor in units.items()
@@ -176,40 +151,33 @@ UNITS["degC"] = UNITS["°C"] = Unit("temperature", 1.0, 273.15)
 UNITS["°F"] = Unit("temperature", 5 / 9, 273.15 - 32 * 5 / 9)
 """Every known unit by name. ``L/min ANR`` follows ISO 8778 (1.185 kg/m³), ``NL/min`` DIN 1343 (1.2929 kg/m³)."""
 
-_DIMENSIONS = {
+_SIGNALS = {
     "time": "time",
-    "P": "pressure",
-    "p": "pressure",
-    "p_gauge": "pressure",
-    "P_supply": "pressure",
-    "F": "force",
-    "eps": "ratio",
-    "deps": "ratio rate",
-    "dP": "pressure rate",
-    "q": "angle",
-    "dq": "angular rate",
-    "mdot": "mass flow",
-    "u": "ratio",
-    "L": "length",
-    "length": "length",
-    "rest_length": "length",
-    "x": "length",
-    "stroke": "length",
-    "T": "temperature",
-    "load_mass": "mass",
+    "pressure": "P p p_gauge P_supply",
+    "pressure rate": "dP",
+    "force": "F",
+    "ratio": "eps u",
+    "ratio rate": "deps",
+    "angle": "q",
+    "angular rate": "dq",
+    "mass flow": "mdot",
+    "length": "L length rest_length x stroke",
+    "temperature": "T",
+    "mass": "load_mass",
 }
+DIMENSIONS = {name: dimension for dimension, names in _SIGNALS.items() for name in names.split()}
 
 
 def base_name(signal: str) -> str:
     """Remove the muscle's number and the suffix of a reference: ``P1`` and ``P_ref`` both are ``P``."""
-    if signal in _DIMENSIONS:
+    if signal in DIMENSIONS:
         return signal
     return re.sub(r"(_ref|_cmd|_set)$", "", re.sub(r"_?\d+$", "", re.sub(r"(_ref|_cmd|_set)$", "", signal)))
 
 
 def dimension_of(signal: str) -> str | None:
     """Return the physical dimension of a signal's name; None if the name does not show it."""
-    return _DIMENSIONS.get(base_name(signal))
+    return DIMENSIONS.get(base_name(signal))
 
 
 def is_gauge_name(signal: str) -> bool:

@@ -84,12 +84,9 @@ def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
         part.insert(0, "trajectory", name)
         part.insert(1, "time", 0.5 * (t[edges[1:]] + t[edges[:-1]]))
         part.insert(2, "duration", duration)
-        parts.append(pd.concat([part, pd.DataFrame(np.diff(y[edges], axis=0), columns=_deltas(signals))], axis=1))
+        deltas = pd.DataFrame(np.diff(y[edges], axis=0), columns=[f"delta_{s}" for s in signals])
+        parts.append(pd.concat([part, deltas], axis=1))
     return pd.concat(parts, ignore_index=True).astype({"trajectory": log["trajectory"].dtype})
-
-
-def _deltas(signals: list[str]) -> list[str]:
-    return [f"delta_{s}" for s in signals]
 
 
 def _nearest(t: np.ndarray, borders: np.ndarray) -> np.ndarray:

@@ -154,5 +154,5 @@ def _force(simulator: FmuSimulator, kind: str, where: str, effect: Any, places: 
 
 
 def _block(at: str, formula: Any, names: Mapping[str, str]) -> str:
-    lines, [result] = statements([as_symbol(formula)], names, Writer("float64"))
-    return "\n".join(["    {", *(f"        {line}" for line in lines), f"        {at} = {result};", "    }"])
+    lines = statements([as_symbol(formula)], names, Writer("float64"), at)
+    return "\n".join(["    {", *(f"        {line}" for line in lines), "    }"])

@@ -13,6 +13,7 @@ from ..errors import ColumnTypeError, MissingColumnError, ShortTrajectoryError
 from ..signals.ends import end_of
 from ..signals.formats import is_measured
 from ..signals.mapping import LogMapping
+from ..signals.stretches import stretches_of
 from .base import Simulator
 
 if TYPE_CHECKING:
@@ -89,9 +90,8 @@ class PortLog:
     def hidden(self, n: int) -> np.ndarray:
         """Return the lost rows that interpolation cannot replace in windows of n samples."""
         lost = self.lost
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], lost.astype(np.int8), [0]])))
         out = np.zeros(len(lost), dtype=bool)
-        for a, b in edges.reshape(-1, 2).tolist():
+        for a, b in stretches_of(lost):
             out[a:b] = b - a > n // 4
         return out
 

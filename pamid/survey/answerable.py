@@ -56,17 +56,6 @@ class Answerable:
     record: str = ""
 
 
-class Facts(NamedTuple):
-    """What the rules look at."""
-
-    has: frozenset[str]
-    """Kinds of signals that the log has: ``F``, ``mdot``, ``u``, ``P``, ``position``."""
-    coverage: Coverage
-    """Excitation."""
-    sampling: Sampling
-    """Runs and clock."""
-
-
 class Rule(NamedTuple):
     """One question: the signals that it needs, and a test on the excitation."""
 
@@ -78,93 +67,90 @@ class Rule(NamedTuple):
     """Kinds of logs that it makes sense for, separated by blanks."""
     needs: str
     """Signals, separated by blanks."""
-    test: Callable[[Facts], tuple[bool | None, str]]
-    """Takes facts; returns whether it holds (None: partly) and the figure that it looked at."""
-    record: str | Callable[[Facts], str]
-    """What to record where it does not hold; a callable takes facts."""
+    test: Callable[[Coverage, Sampling], tuple[bool | None, str]]
+    """Takes excitation, runs and clock; returns whether it holds (None: partly) and the figure that it looked at."""
+    record: str | Callable[[Sampling], str]
+    """What to record where it does not hold; a callable takes runs and clock."""
 
 
-def _both_ways(f: Facts) -> tuple[bool | None, str]:
-    c = f.coverage
+def _graded(value: float, much: float, some: float) -> bool | None:
+    """Return whether a value is large enough; None if it is in part."""
+    return value > much or (None if value > some else False)
+
+
+def _both_ways(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
     if c.up + c.down == 0:
         return False, "the position stands still in every run"
-    least = min(c.up, c.down)
-    return (least > 0.05 or (None if least > 0.01 else False)), f"moves up {c.up:.0%} and down {c.down:.0%} of the time"
+    return _graded(min(c.up, c.down), 0.05, 0.01), f"moves up {c.up:.0%} and down {c.down:.0%} of the time"
 
 
-def _speeds(f: Facts) -> tuple[bool | None, str]:
-    if f.coverage.up + f.coverage.down == 0:
+def _speeds(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    if c.up + c.down == 0:
         return False, "the position stands still in every run"
-    ratio = f.coverage.fast / f.coverage.slow if f.coverage.slow > 0 else 0.0
-    return (ratio > 5 or (None if ratio > 2 else False)), f"speeds differ by a factor of {ratio:.3g}"
+    ratio = c.fast / c.slow if c.slow > 0 else 0.0
+    return _graded(ratio, 5, 2), f"speeds differ by a factor of {ratio:.3g}"
 
 
-def _moving_levels(f: Facts) -> tuple[bool | None, str]:
-    return _levels(f) if f.coverage.up + f.coverage.down > 0.05 else (False, "the position stands still")
+def _moving_levels(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    return _levels(c, s) if c.up + c.down > 0.05 else (False, "the position stands still")
 
 
-def _levels(f: Facts) -> tuple[bool | None, str]:
-    bar = f.coverage.pressure_range / 1e5
-    return (bar > 1.0 or (None if bar > 0.3 else False)), f"the pressure covers {bar:.3g} bar"
+def _levels(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    bar = c.pressure_range / 1e5
+    return _graded(bar, 1.0, 0.3), f"the pressure covers {bar:.3g} bar"
 
 
-def _memory(f: Facts) -> tuple[bool | None, str]:
-    c = f.coverage
+def _memory(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
     said = f"{c.reversals} turns of {c.amplitudes} different amplitudes"
     return ((c.reversals >= 6 and c.amplitudes >= 2) or (None if c.reversals >= 3 else False)), said
 
 
-def _rest(f: Facts) -> tuple[bool | None, str]:
-    seconds = max(f.coverage.longest_hold, 0.0)
+def _rest(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    seconds = max(c.longest_hold, 0.0)
     return (seconds >= 5 or (None if seconds >= 1 else False)), f"the longest hold lasts {seconds:.2g} s"
 
 
-def _plane(f: Facts) -> tuple[bool | None, str]:
-    c = f.coverage
-    r = abs(c.correlation)
-    if math.isnan(r):
+def _plane(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    if math.isnan(c.correlation):
         return False, "position or pressure stands still"
-    return (r < 0.9 or (None if r < 0.98 else False)), f"position and pressure correlate by {c.correlation:.2f}"
+    return _graded(-abs(c.correlation), -0.9, -0.98), f"position and pressure correlate by {c.correlation:.2f}"
 
 
-def _sealed(f: Facts) -> tuple[bool | None, str]:
-    c = f.coverage
+def _sealed(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
     if math.isnan(c.sealed):
         return False, "no command is logged, so sealed periods cannot be found"
     said = f"{c.sealed:.2g} s with the valves shut, at {c.sealed_levels} pressure levels"
     return ((c.sealed >= 1 and c.sealed_levels >= 2) or (None if c.sealed >= 0.5 else False)), said
 
 
-def _held(f: Facts) -> tuple[bool | None, str]:
-    kpa = f.coverage.held_pressure_moves / 1e3
-    return (kpa > 50 or (None if kpa > 10 else False)), f"the pressure moves by {kpa:.3g} kPa while the position stands"
+def _held(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    kpa = c.held_pressure_moves / 1e3
+    return _graded(kpa, 50, 10), f"the pressure moves by {kpa:.3g} kPa while the position stands"
 
 
-def _speeds_of_filling(f: Facts) -> tuple[bool | None, str]:
-    c = f.coverage
+def _speeds_of_filling(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
     octaves = c.bandwidth / c.lowest if c.lowest > 0 else 0.0
     said = f"movement from {c.lowest:.2g} to {c.bandwidth:.2g} Hz" if c.bandwidth > 0 else _movement(c)
     return ((octaves > 20 and c.bandwidth > 1) or (None if octaves > 5 else False)), said
 
 
-def _commands(f: Facts) -> tuple[bool | None, str]:
-    low, high = f.coverage.command
+def _commands(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    low, high = c.command
     if math.isnan(low):
         return False, "the valves never open"
     said = f"open commands from {low:.2g} to {high:.2g}"
     return ((low < 0.1 and high > 0.7) or (None if high > 4 * low else False)), said
 
 
-def _quick(f: Facts) -> tuple[bool | None, str]:
-    c, s = f.coverage, f.sampling
+def _quick(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
     enough = c.bandwidth > 0 and s.rate > 10 * c.bandwidth
     good = enough and s.rate >= _QUICK and c.bandwidth >= 2
     said = f"sampled at {s.rate:.4g} Hz, {_movement(c)}"
     return good or (None if enough and c.bandwidth > 0.5 else False), said
 
 
-def _record_quick(f: Facts) -> str:
-    rate = "Sample at 200 Hz or more, and record" if f.sampling.rate < _QUICK else "Record"
+def _record_quick(s: Sampling) -> str:
+    rate = "Sample at 200 Hz or more, and record" if s.rate < _QUICK else "Record"
     return f"{rate} steps or sines above 2 Hz."
 
 
@@ -172,24 +158,18 @@ def _movement(c: Coverage) -> str:
     return f"movement up to {c.bandwidth:.2g} Hz" if c.bandwidth > 0 else "no movement"
 
 
-def _accelerates(f: Facts) -> tuple[bool | None, str]:
-    b = f.coverage.bandwidth
-    return (b > 1.5 or (None if b > 0.5 else False)), _movement(f.coverage)
+def _accelerates(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    return _graded(c.bandwidth, 1.5, 0.5), _movement(c)
 
 
-def _held_out(f: Facts) -> tuple[bool | None, str]:
-    n = f.sampling.runs
-    return (n >= 6 or (None if n >= 3 else False)), f"{n} run{'' if n == 1 else 's'}"
+def _held_out(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    return _graded(s.runs, 5, 2), f"{s.runs} run{'' if s.runs == 1 else 's'}"
 
 
-def _noise_by_repeats(f: Facts) -> tuple[bool | None, str]:
-    n = f.sampling.repeats
-    said = (
-        f"{n} run{'' if n == 1 else 's'} repeat{'s' if n == 1 else ''} an earlier one"
-        if n
-        else "no run repeats another"
-    )
-    return (n >= 2 or (None if n else False)), said
+def _noise_by_repeats(c: Coverage, s: Sampling) -> tuple[bool | None, str]:
+    plural, verb = ("", "s") if s.repeats == 1 else ("s", "")
+    said = f"{s.repeats} run{plural} repeat{verb} an earlier one" if s.repeats else "no run repeats another"
+    return _graded(s.repeats, 1, 0), said
 
 
 ALL, GAS, LINE = "bench muscle cylinder joint", "bench muscle", "bench muscle cylinder"
@@ -325,7 +305,6 @@ WORDS = {"F": "a force", "mdot": "a mass flow", "u": "the valve's command", "P":
 def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind: str = "bench") -> list[Answerable]:
     """Return the questions that a log can answer."""
     has = frozenset(key for key, names in _SETS.items() if set(names) & set(columns))
-    facts = Facts(has, coverage, sampling)
     found = []
     for rule in RULES:
         if kind not in rule.kinds.split():
@@ -336,8 +315,8 @@ def answerable(columns: list[str], coverage: Coverage, sampling: Sampling, kind:
             what = " and ".join(lacking)
             found.append(Answerable(rule.question, effects, "no", f"the log lacks {what}", f"Log {what} as well."))
             continue
-        holds, why = rule.test(facts)
+        holds, why = rule.test(coverage, sampling)
         answer = "partly" if holds is None else "yes" if holds else "no"
-        record = "" if holds else rule.record if isinstance(rule.record, str) else rule.record(facts)
+        record = "" if holds else rule.record if isinstance(rule.record, str) else rule.record(sampling)
         found.append(Answerable(rule.question, effects, answer, why, record))
     return found

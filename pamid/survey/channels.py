@@ -9,7 +9,7 @@ import numpy as np
 
 from ..signals import noise_level
 from ..signals.noise import quantisation_step
-from ..signals.stretches import stuck_rows
+from ..signals.stretches import stretches_of, stuck_rows
 from ..signals.thinning import spaced
 from ..signals.units import SI_UNITS, base_name, dimension_of
 
@@ -94,17 +94,10 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
     if not good.any():
         return Channel(name, unit, np.nan, np.nan, 1.0, float("nan"), 0.0, "", np.nan, 0.0, False)
     low, high = float(y[good].min()), float(y[good].max())
-    noises, steps = [], []
     longest = 0.0 if good.all() else max(_longest(run, name) for run in runs)
-    for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]:
-        values = run[name].to_numpy(dtype=float)
-        bad = ~np.isfinite(values)
-        values = values[~bad]
-        if len(values) > 20:
-            noises.append(noise_level(values))
-            steps.append(quantisation_step(values))
-    noise = float(np.median(noises)) if noises else 0.0
-    step = float(np.median(steps)) if steps else 0.0
+    read = [run[name].to_numpy(dtype=float) for run in runs[spaced(len(runs), _MOST_RUNS, at_most=True)]]
+    known = [x[np.isfinite(x)] for x in read if np.isfinite(x).sum() > 20]
+    noise, step = (float(np.median([of(x) for x in known] or [0.0])) for of in (noise_level, quantisation_step))
     return Channel(
         name=name,
         unit=unit,
@@ -123,9 +116,7 @@ def _channel(name: str, log: pd.DataFrame, runs: list[pd.DataFrame], others: dic
 def _longest(run: pd.DataFrame, name: str) -> float:
     bad = ~np.isfinite(run[name].to_numpy(dtype=float))
     time = run["time"].to_numpy(dtype=float)
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], bad.astype(int), [0]])))
-    last = len(time) - 1
-    return max([float(time[min(b, last)] - time[a]) for a, b in zip(edges[::2], edges[1::2], strict=True)] or [0.0])
+    return max((float(time[min(b, len(time) - 1)] - time[a]) for a, b in stretches_of(bad)), default=0.0)
 
 
 def _activity(y: np.ndarray) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..signals import differentiate, noise_level, tune_cutoff
+from ..signals.stretches import stretches_of
 from ..signals.thinning import spaced
 from .sampling import Sampling, between_pauses
 
@@ -204,28 +205,16 @@ def _valves(log: pd.DataFrame, commands: list[str], pressure: str, period: float
 
 
 def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling) -> dict[str, object]:
-    rates, turns, amplitudes, holds, held, powers = [], 0, [], [0.0], [0.0], []
     whole = _swing(log[position].to_numpy(dtype=float))
     smooth = smoothed(log, position)
-    for one in smooth:
-        rates.append(one.rate)
-        sizes = _turns(one.value, max(0.02 * whole, 4.0 * noise_level(one.raw)))
-        turns += len(sizes)
-        amplitudes += sizes
-        if _swing(one.value) > 0.1 * whole:  # the other runs are at rest but for their noise
-            powers.append(_spectrum(one.value, sampling.period))
-    if not rates:
+    if not smooth:
         return {"position_range": whole}
-    every = np.concatenate(rates)
-    top = float(np.quantile(np.abs(every), 0.995))
-    limit = _STILL * top
-    for run, t, _, _, rate in smooth:
-        still = np.abs(rate) < limit
-        edges = np.flatnonzero(np.diff(np.concatenate([[0], still.astype(int), [0]])))
-        for a, b in zip(edges[::2], edges[1::2], strict=True):
-            holds.append(float(t[b - 1] - t[a]))
-            if pressure and b - a > 20:
-                held.append(_swing(run[pressure].to_numpy(dtype=float)[a:b]))
+    sizes = [size for one in smooth for size in _turns(one.value, max(0.02 * whole, 4.0 * noise_level(one.raw)))]
+    moved = [one.value for one in smooth if _swing(one.value) > 0.1 * whole]  # the others rest but for their noise
+    every = np.concatenate([one.rate for one in smooth])
+    limit = _STILL * float(np.quantile(np.abs(every), 0.995))
+    rests = [(one, a, b) for one in smooth for a, b in stretches_of(np.abs(one.rate) < limit)]
+    held = [one.run[pressure].to_numpy(dtype=float)[a:b] for one, a, b in rests if pressure and b - a > 20]
     moving = np.abs(every[np.abs(every) >= limit])
     slow, fast = np.quantile(moving, [0.1, 0.9]) if len(moving) else (np.nan, np.nan)
     return {
@@ -235,11 +224,11 @@ def _motion(log: pd.DataFrame, position: str, pressure: str, sampling: Sampling)
         "up": float(np.mean(every >= limit)),
         "down": float(np.mean(every <= -limit)),
         "still": float(np.mean(np.abs(every) < limit)),
-        "reversals": turns,
-        "amplitudes": _groups(amplitudes),
-        "longest_hold": max(holds),
-        "held_pressure_moves": max(held),
-        "bandwidth": _bandwidth(powers),
+        "reversals": len(sizes),
+        "amplitudes": _groups(sizes),
+        "longest_hold": max([0.0, *(float(one.time[b - 1] - one.time[a]) for one, a, b in rests)]),
+        "held_pressure_moves": max([0.0, *map(_swing, held)]),
+        "bandwidth": _bandwidth([_spectrum(y, sampling.period) for y in moved]),
     }
 
 

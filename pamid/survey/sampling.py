@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -87,15 +88,12 @@ def sampling_of(log: pd.DataFrame, signals: list[str]) -> Sampling:
     period = float(np.median(periods)) if len(periods) else float("nan")
     steps = np.concatenate([np.diff(t) for t in times]) if times else np.zeros(0)
     long = steps > _GAP * period
-    kinds: dict[str, int] = {}
-    for name, _ in groups:
-        kinds[kind_of(name)] = kinds.get(kind_of(name), 0) + 1
     repeats, error = _repeats([run for _, run in groups], signals)
     usual = steps[(steps > 0) & ~long]
     return Sampling(
         rows=len(log),
         runs=len(groups),
-        kinds=kinds,
+        kinds=dict(Counter(kind_of(name) for name, _ in groups)),
         seconds=float(lengths.sum()),
         shortest=float(lengths.min()) if len(lengths) else 0.0,
         longest=float(lengths.max()) if len(lengths) else 0.0,

@@ -53,13 +53,15 @@ def _force_doubt(F: np.ndarray, force: str, pressure: str, top: float) -> list[s
 
 
 def _flow_doubt(log: pd.DataFrame, flow: str, pressure: str, top: float) -> list[str]:
+    from scipy.integrate import cumulative_trapezoid
+
     volume = 0.0
     for _, run in log.groupby("trajectory", sort=False):
         known = run.dropna(subset=["time", flow])
         t, mdot = known["time"].to_numpy(dtype=float), known[flow].to_numpy(dtype=float)
         if len(t) < 3:
             continue
-        mass = np.concatenate([[0.0], np.cumsum(np.diff(t) * (mdot[1:] + mdot[:-1]) / 2.0)])
+        mass = cumulative_trapezoid(mdot, t, initial=0.0)
         held = mass - np.polynomial.Polynomial.fit(t, mass, 1)(t)  # leaked gas is not stored
         volume = max(volume, GAS_CONSTANT * TEMPERATURE * float(np.ptp(held)) / top)
     if volume < _LARGEST_VOLUME:

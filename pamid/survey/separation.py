@@ -102,14 +102,20 @@ def _left(gram: np.ndarray) -> np.ndarray:
 
 
 def _alike(gram: np.ndarray) -> np.ndarray:
-    own = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    return np.asarray(_left(gram) < np.maximum(SEEN, ALIKE * own)[:, None])
+    return np.asarray(_left(gram) < np.maximum(SEEN, ALIKE * _sizes(gram))[:, None])
+
+
+def _undecided(gram: np.ndarray) -> np.ndarray:
+    """Return which effects, on the diagonal, are not seen and which pairs are not told apart."""
+    return np.asarray(_alike(gram) | np.diag(_sizes(gram) < SEEN))
+
+
+def _sizes(gram: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.maximum(np.diag(gram), 0.0))
 
 
 def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
-    known = all_effects()
-    own = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    alike = _alike(gram)
+    known, own, alike = all_effects(), _sizes(gram), _alike(gram)
     found = []
     for k, name in enumerate(names):
         seen = bool(own[k] >= SEEN)
@@ -126,7 +132,7 @@ def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gra
 
     if not names:
         return None
-    open_ = _alike(gram) | np.diag(np.sqrt(np.maximum(np.diag(gram), 0.0)) < SEEN)
+    open_ = _undecided(gram)
     if not open_.any():
         return None
     try:
@@ -148,8 +154,7 @@ def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gra
         joint = gram.copy()
         index = np.array(place)[known]
         joint[np.ix_(known, known)] += more[np.ix_(index, index)]
-        still = _alike(joint) | np.diag(np.sqrt(np.maximum(np.diag(joint), 0.0)) < SEEN)
-        gained = open_ & ~still
+        gained = open_ & ~_undecided(joint)
         if (count := int(gained.sum())) > most:
             most = count
             split = [names[k] for k in np.flatnonzero(gained.any(axis=1))]

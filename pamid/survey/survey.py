@@ -219,9 +219,5 @@ def _record(s: Survey) -> list[str]:
         names = ", ".join(splits) + (" and more" if len(s.next_run["splits"]) > 6 else "")
         kind = str(s.next_run["kind"]).replace("_", " ")
         told.append(f"A run of the kind {kind} ({settings}): it would show or distinguish {names}.")
-    asked: dict[str, None] = {}
-    for answer in ("no", "partly"):
-        for a in s.answers:
-            if a.answer == answer and a.record and a.record not in asked:
-                asked[a.record] = None
-    return told + list(asked)
+    asked = [a.record for answer in ("no", "partly") for a in s.answers if a.answer == answer and a.record]
+    return told + list(dict.fromkeys(asked))

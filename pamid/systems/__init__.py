@@ -5,16 +5,14 @@ A module of this package that defines a `System` adds a kind; ``pamid init --kin
 
 from __future__ import annotations
 
-from .._lazy import attach, renamed
+from .._lazy import attach, homes, renamed
 
-_HOME = {
-    "Input": "base",
-    "Quantity": "base",
-    "System": "base",
-    "all_systems": "registry",
-    "read_system": "file",
-    "compare_system": "comparison",
-}
+_HOME = homes(
+    base="Input Quantity System",
+    registry="all_systems",
+    file="read_system",
+    comparison="compare_system",
+)
 """In which module each public name lives."""
 
 _lookup, __dir__, __all__ = attach(__name__, _HOME)

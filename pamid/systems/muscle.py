@@ -10,7 +10,7 @@ from ..bench.parameters import BenchParameters
 from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
 from ..effects.plant import BRAID_ANGLE, Plant
 from ..errors import MissingColumnError
-from ..signals.roles import STATE_ROLES
+from ..signals.state import STATE_ROLES
 from ..simulators.problem import Problem
 from .base import Input, Quantity, System, with_rates
 

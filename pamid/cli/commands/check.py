@@ -157,7 +157,9 @@ def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[
     check_units, order = True, None
     doubts: list[str] = []
     while True:
-        settings = log_settings(LogMapping.load(args.columns, own=own), nan, "ignore", order, None, None, args.encoding)
+        settings = log_settings(
+            LogMapping.load(args.columns, own=own), nan, "ignore", time_order=order, encoding=args.encoding
+        )
         try:
             log, notes = read_with_notes(args.log, settings, nan=nan, check_units=check_units)
         except (UnitError, PressureReferenceError) as error:

@@ -17,7 +17,7 @@ from ...equations.joined import joined
 from ...equations.log import BenchLog, columns_of
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
-from ...signals.roles import ROLES
+from ...signals.state import ROLES
 from ..settings import LEAST_GAIN, OTHER_SYSTEMS
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes

@@ -15,7 +15,7 @@ from ...effects import Effect, Parameter, Plant, all_effects
 from ...equations.noise import channel_noise
 from ...remembered import Remembered
 from ...signals.paths import steady_path
-from ...signals.roles import ROLES
+from ...signals.state import ROLES
 from ...simulators.placement import Placement, Scales, narrowed
 from ...simulators.placing import GAP, STRAIN
 from ...simulators.sizes import SignalSizes, typical_second

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-
 import numpy as np
 
 from ...signals.savgol import rate_over
+from ...signals.stretches import equal_stretches
 
 RATE_WINDOW = 0.04
 """Seconds over which the rate of a signal of unknown noise is taken: fast beside an arm, slow beside its samples."""
@@ -24,8 +23,7 @@ def with_rates(signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> 
 def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
     """Return the rate of a signal within each run, over `RATE_WINDOW`."""
     out = np.zeros(len(x))
-    borders = [0, *(np.flatnonzero(np.diff(codes)) + 1).tolist(), len(codes)]
-    for a, b in pairwise(borders):
+    for a, b in equal_stretches(codes):
         # Never so long that it would blur a short run.
         out[a:b] = rate_over(x[a:b], dt, max(2, min(round(0.5 * RATE_WINDOW / dt), (b - a) // 200)))
     return out

@@ -13,7 +13,7 @@ from ...equations.noise import channel_noise
 from ...errors import LackingNumberError
 from ...remembered import Remembered
 from ...signals.noise import white_noise
-from ...signals.roles import ROLES, STATE_ROLES
+from ...signals.state import ROLES, STATE_ROLES
 from ...simulators.base import Simulator
 from ...simulators.placement import Placement, Scales
 from ...simulators.port_log import PortLog

@@ -63,7 +63,7 @@ class Format:
 def names_column(columns: Iterable[Any], mapping: LogMapping) -> int | None:
     """Return the position of the column that names each row's run: it is read as text."""
     labels = [str(c) if isinstance(c, str) else c for c in columns]
-    wanted = mapping.trajectory if mapping.trajectory is not None else TRAJECTORY
+    wanted = mapping.run_column
     if isinstance(wanted, int):
         return wanted if 0 <= wanted < len(labels) else None
     if mapping.trajectory is None and any(how.column == TRAJECTORY for how in mapping.signals.values()):

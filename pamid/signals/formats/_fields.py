@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,22 +19,7 @@ if TYPE_CHECKING:
 
 _CHUNK = 2**24
 _SHOWN = 60
-_WIDE = (
-    "utf-16",
-    "utf16",
-    "utf-32",
-    "utf32",
-    "utf_16",
-    "utf_32",
-    "u16",
-    "u32",
-    "utf-7",
-    "big5",
-    "shift",
-    "gb",
-    "cp9",
-    "euc",
-)
+_WIDE = re.compile(r"utf[-_]?(16|32)|u16|u32|utf-7|big5|shift|gb|cp9|euc")
 """Encodings in which a byte of a delimiter may be part of another letter."""
 
 
@@ -84,7 +70,7 @@ def require_fields(path: Path, layout: Layout) -> None:
 
 def _counted(path: Path, layout: Layout) -> _Counts:
     found = _Counts(layout)
-    if not layout.encoding.lower().startswith(_WIDE) and layout.delimiter != " " and layout.delimiter.isascii():
+    if not _WIDE.match(layout.encoding.lower()) and layout.delimiter != " " and layout.delimiter.isascii():
         for lines, counts in _plain(path, layout):
             if counts is None:
                 break  # quotes, behind which a delimiter or an end of line is part of a field

@@ -29,6 +29,23 @@ def foreign_reader(path: Path, whole: str) -> Iterator[None]:
         ) from None
 
 
+@contextlib.contextmanager
+def whole_file(
+    path: Path,
+    errors: tuple[type[Exception], ...],
+    whole: str = "a complete file",
+    remedy: str = "Copy the log again.",
+) -> Iterator[None]:
+    """Turn some errors of another package's reader into one error for a damaged file."""
+    try:
+        yield
+    except PamidError:
+        raise
+    except errors as error:
+        said = (str(error).splitlines() or ["no detail"])[0][:160]
+        raise TruncatedLogError(f"{path.name} is damaged or cut off: {said}.", whole, remedy) from None
+
+
 def require_all(path: Path, read: int, said: int | None, whole: str) -> None:
     """Raise if a file states another number of messages than were read."""
     if said is not None and read != said:

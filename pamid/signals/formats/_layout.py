@@ -1,4 +1,4 @@
-"""The layout of a text table: encoding, comments above it, delimiter, names of columns, fields per row."""
+"""The layout of a text table: encoding, what is above its rows, delimiter, names of columns, fields per row."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import csv
 import itertools
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from pamid.errors import DuplicateColumnError, EmptyLogError, LogFormatError, MappingError
 
+from ..unit_names import unit_name
 from ._encoding import encoding_of
-from ._heading import heading_of
 
 if TYPE_CHECKING:
     from ..mapping import LogMapping
@@ -22,6 +22,7 @@ NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "-nan", "infinity", "-infinity"}
 _LINES = 400
 _COMMENT = "#"
+_ALIKE = 3  # rows that have to look like samples before the first of them counts as one
 
 
 class Layout(NamedTuple):
@@ -48,41 +49,67 @@ def layout_of(path: Path, mapping: LogMapping) -> Layout:
         raise EmptyLogError(f"{path.name} holds no rows.", "a table with at least two rows", "Record the log again.")
     delimiter = _given(mapping.delimiter) or _delimiter(rest)
     rows = list(numbered_rows(rest, delimiter))
+    names, above = _names_above([[clean(t) for t in row] for _, row in rows], mapping.header)
     begins = len(comments)
-    heading = heading_of([[clean(t) for t in row] for _, row in rows], _is_value) if mapping.header is None else None
-    if heading is not None:
-        begins, left = begins + rows[heading.rows - 1][0], [row for _, row in rows[heading.rows :]]
-        return _of_rows(path, mapping, encoding, delimiter, heading.names, begins, left)
-    header = _has_header(rows[0][1], mapping.header)
-    names = tuple(clean(t) for t in rows[0][1]) if header else None
-    if header:
-        begins, rows = begins + rows[0][0], rows[1:]
-    elif marked := _rows_among(comments, delimiter, len(rows[0][1])):
-        begins -= marked
+    if above:
+        begins, rows = begins + rows[above - 1][0], rows[above:]
+    else:
+        begins -= _rows_among(comments, delimiter, len(rows[0][1]))
     if not rows:
         raise EmptyLogError(f"{path.name} holds a header and no rows.", "a table of samples", "Record the log again.")
-    return _of_rows(path, mapping, encoding, delimiter, names, begins, [row for _, row in rows])
-
-
-def _of_rows(
-    path: Path,
-    mapping: LogMapping,
-    encoding: str,
-    delimiter: str,
-    names: tuple[str, ...] | None,
-    begins: int,
-    rows: list[list[str]],
-) -> Layout:
-    usual = Counter(len(row) for row in rows).most_common(1)[0][0]
-    behind = delimiter != " " and usual > 1 and all(not row[-1].strip() for row in rows if len(row) == usual)
+    fields = [row for _, row in rows]
+    usual = Counter(map(len, fields)).most_common(1)[0][0]
+    behind = delimiter != " " and usual > 1 and all(not row[-1].strip() for row in fields if len(row) == usual)
     if names is not None:
         if behind and len(names) == usual and not names[-1]:
             names = names[:-1]
         behind = behind and usual == len(names) + 1
         _require_unique(names, path)
-    decimal = mapping.decimal or _decimal(rows, delimiter)
+    decimal = mapping.decimal or _decimal(fields, delimiter)
     width = len(names) if names is not None else usual - behind
     return Layout(encoding, delimiter, names, width, begins, decimal, behind)
+
+
+def _names_above(rows: Sequence[Sequence[str]], header: bool | None) -> tuple[tuple[str, ...] | None, int]:
+    """Return the names of columns, None where there are none, and the number of rows above the samples."""
+    if header is None and (heading := _heading(rows)) is not None:
+        return heading
+    if header is None:
+        first = rows[0]
+        header = not any(NUMBER.match(t) for t in first) and any(t.lower() not in MISSING for t in first)
+    return (tuple(rows[0]), 1) if header else (None, 0)
+
+
+def _heading(rows: Sequence[Sequence[str]]) -> tuple[tuple[str, ...], int] | None:
+    """Find the names of columns, with the units below them, and the number of rows above the samples."""
+    width = Counter(len(row) for row in rows).most_common(1)[0][0]
+    if width < 2:
+        return None
+
+    def is_sample(row: Sequence[str]) -> bool:
+        return len(row) == width and sum(map(_is_value, row)) >= max(1, (width + 1) // 2)
+
+    first = next((k for k in range(len(rows)) if all(map(is_sample, rows[k : k + _ALIKE]))), 0)
+
+    def is_names(k: int) -> bool:
+        return 0 <= k < first and len(rows[k]) == width and not any(_is_value(t) for t in rows[k] if t) and any(rows[k])
+
+    if not is_names(first - 1):
+        return None
+    units = [unit_name(_bare(t)) for t in rows[first - 1]]
+    told = [t for t in rows[first - 1] if t]
+    if is_names(first - 2) and sum(u is not None for u in units) >= max(1, (len(told) + 1) // 2):
+        names = [
+            f"{name} [{_bare(unit)}]" if unit and name else name
+            for name, unit in zip(rows[first - 2], rows[first - 1], strict=True)
+        ]
+        return tuple(names), first
+    return (tuple(rows[first - 1]), first) if first > 1 else None
+
+
+def _bare(text: str) -> str:
+    """Return a unit without the brackets around it."""
+    return text.strip().removeprefix("[").removeprefix("(").removesuffix("]").removesuffix(")").strip()
 
 
 def _given(delimiter: str | None) -> str | None:
@@ -181,12 +208,6 @@ def _tolerant_rows(lines: list[str], delimiter: str) -> list[tuple[int, list[str
         return list(numbered_rows(lines, delimiter))
     except csv.Error:
         return []
-
-
-def _has_header(tokens: list[str], given: bool | None) -> bool:
-    if given is not None:
-        return given
-    return not any(NUMBER.match(clean(t)) for t in tokens) and any(clean(t).lower() not in MISSING for t in tokens)
 
 
 def _is_value(token: str) -> bool:

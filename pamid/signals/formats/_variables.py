@@ -17,6 +17,8 @@ from ._lists import LONGEST
 if TYPE_CHECKING:
     import pandas as pd
 
+    from ..mapping import LogMapping
+
 MAX_FOLD = 1_100
 """Largest ratio of decompressed to stored bytes that zlib can reach; a file declaring more is hostile or damaged."""
 
@@ -34,8 +36,9 @@ def require_size(path: Path, name: str, shape: Iterable[int], stored: int, max_b
         )
 
 
-def select(path: Path, names: list[str], pattern: str | None, zero_run: str | None) -> list[str]:
-    """Choose the variables that hold runs."""
+def select(path: Path, names: list[str], mapping: LogMapping) -> list[str]:
+    """Choose the variables that hold runs, and the zero run as the last one."""
+    pattern, zero_run = mapping.trajectories, mapping.zero_run
     chosen = [n for n in names if n != zero_run and (pattern is None or fnmatch.fnmatchcase(n, pattern))]
     if pattern is not None and not chosen:
         raise MappingError(
@@ -49,7 +52,7 @@ def select(path: Path, names: list[str], pattern: str | None, zero_run: str | No
             "a zero run under that name",
             "Correct zero_run in the mapping.",
         )
-    return sorted(chosen, key=natural)
+    return [*sorted(chosen, key=natural), *([zero_run] if zero_run else [])]
 
 
 def natural(text: str) -> list[Any]:
@@ -105,11 +108,13 @@ def _extent(value: Any) -> str:
 
 
 def tables(
-    variables: Mapping[str, Any], *, pattern_given: bool, head: dict[str, Any], lost: Sequence[str] = ()
-) -> list[RawTable]:
-    """Arrange variables into tables: each matrix or struct is one, vectors of equal length form one together."""
+    variables: dict[str, Any], mapping: LogMapping, lost: Sequence[str]
+) -> tuple[list[RawTable], pd.DataFrame | None]:
+    """Arrange variables into tables and a zero run: each matrix or struct is one, vectors of equal length another."""
     import pandas as pd
 
+    zero = as_frame(variables.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
+    head: dict[str, Any] = {}
     result: list[RawTable] = []
     vectors: dict[str, np.ndarray] = {}
     for name, value in variables.items():
@@ -121,7 +126,7 @@ def tables(
             if np.ndim(value) > 2:
                 lost = [*lost, f"'{name}' (an array of {np.ndim(value)} dimensions) left out"]
             continue
-        if frame.shape[1] == 1 and not pattern_given and not isinstance(value, Mapping):
+        if frame.shape[1] == 1 and mapping.trajectories is None and not isinstance(value, Mapping):
             vectors[name] = frame.iloc[:, 0].to_numpy()
         else:
             named = not all(isinstance(c, int) for c in frame.columns)
@@ -142,4 +147,4 @@ def tables(
                 lost = [*lost, f"{said} left out"]
     for table in result[:1]:
         table.lost = tuple(lost)
-    return result
+    return result, zero

@@ -9,8 +9,8 @@ import numpy as np
 
 from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
-from . import TRAJECTORY, Format, RawTable
-from ._variables import as_frame, require_size, select, tables
+from . import Format, RawTable
+from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
     import h5py
@@ -34,7 +34,7 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             found: dict[str, Any] = {}
             refused: list[str] = []
             collect(file, "", found, refused, depth=0)
-            silent = f"({_TEXT})" if matlab else f"'{_wanted(mapping)}' ({_TEXT})"
+            silent = f"({_TEXT})" if matlab else f"'{mapping.run_column}' ({_TEXT})"
             refused = [r for r in refused if not r.endswith(silent)]
             of_names = _names_variable(file, mapping, path, max_bytes, matlab) if not _has_names(found, mapping) else {}
             if not found:
@@ -43,12 +43,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
                     "numeric data sets",
                     "Objects, references and external links are not read: save plain arrays.",
                 )
-            names = select(path, list(found), mapping.trajectories, mapping.zero_run)
-            wanted = [*names, *([mapping.zero_run] if mapping.zero_run else [])]
-            values = {
-                name: _load(found[name], name, path, max_bytes, matlab) for name in wanted if name not in of_names
-            }
-            values |= of_names
+            wanted = [name for name in select(path, list(found), mapping) if name not in of_names]
+            values = {name: _load(found[name], name, path, max_bytes, matlab) for name in wanted} | of_names
     except PamidError:
         raise
     except Exception as error:
@@ -58,9 +54,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "a complete HDF5 file",
             "Save or copy the log again.",
         ) from None
-    zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
     lost = [f"{', '.join(refused[:_SHOWN])} left out ({_REFUSED})"] if refused else []
-    return tables(values, pattern_given=mapping.trajectories is not None, head={}, lost=lost), zero
+    return tables(values, mapping, lost)
 
 
 def is_matlab(path: Path, file: h5py.File) -> bool:
@@ -70,12 +65,8 @@ def is_matlab(path: Path, file: h5py.File) -> bool:
     return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
 
 
-def _wanted(mapping: LogMapping) -> str | int:
-    return TRAJECTORY if mapping.trajectory is None else mapping.trajectory
-
-
 def _has_names(found: dict[str, Any], mapping: LogMapping) -> bool:
-    return any(isinstance(item, dict) and _wanted(mapping) in item for item in found.values())
+    return any(isinstance(item, dict) and mapping.run_column in item for item in found.values())
 
 
 def _names_variable(
@@ -84,7 +75,7 @@ def _names_variable(
     """Return the text variable that names each row's run; a log is never read without these names."""
     import h5py
 
-    wanted = _wanted(mapping)
+    wanted = mapping.run_column
     item = _children(file).get(wanted) if isinstance(wanted, str) else None
     if not isinstance(item, h5py.Dataset) or (_numeric(item.dtype) and not (matlab and _class_of(item) == "char")):
         return {}
@@ -113,23 +104,16 @@ def _characters(item: h5py.Dataset) -> list[str]:
     return [row.astype("<u2").tobytes().decode("utf-16-le", errors="replace").rstrip() for row in item[()].T]
 
 
+def _members(group: h5py.Group, *, linked: bool = False) -> list[str]:
+    """Return the members of a group that lie in this file, or those that are links, which are not followed."""
+    import h5py
+
+    own = {n: isinstance(group.get(n, getlink=True), h5py.HardLink) for n in group if not n.startswith("#")}
+    return [n for n, here in own.items() if here != linked]
+
+
 def _children(group: h5py.Group) -> dict[str, Any]:
-    """Return the members of a group that lie in this file."""
-    import h5py
-
-    own = {}
-    for name in group:
-        link = group.get(name, getlink=True)
-        if isinstance(link, h5py.HardLink) and not name.startswith("#"):
-            own[name] = group[name]
-    return own
-
-
-def _links(group: h5py.Group) -> list[str]:
-    """Return the members of a group that are links, which are not followed."""
-    import h5py
-
-    return [n for n in group if not isinstance(group.get(n, getlink=True), h5py.HardLink) and not n.startswith("#")]
+    return {name: group[name] for name in _members(group)}
 
 
 def _refused(item: Any) -> str:
@@ -151,7 +135,7 @@ def collect(
 
     if depth > 8:
         return
-    refused.extend(f"'{prefix}{name}' (a link)" for name in _links(group))
+    refused.extend(f"'{prefix}{name}' (a link)" for name in _members(group, linked=True))
     for name, item in _children(group).items():
         path = f"{prefix}{name}"
         if isinstance(item, h5py.Dataset):
@@ -172,7 +156,7 @@ def collect(
                 usable |= {k: v for k, v in inner.items() if k not in usable and _is_block(v, max(sizes))}
                 found[path] = usable
                 kinds = {k: kind for k, v in inner.items() if k not in usable and (kind := _refused(v) or _shape(v))}
-                kinds |= dict.fromkeys(_links(item), "a link")
+                kinds |= dict.fromkeys(_members(item, linked=True), "a link")
                 refused.extend(f"'{path}/{k}' ({kind})" for k, kind in kinds.items())
             else:
                 collect(item, f"{path}/", found, refused, depth + 1, (*above, group))

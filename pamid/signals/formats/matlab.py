@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 from pamid.errors import ColumnTypeError, HostileLogError
 
-from . import TRAJECTORY, Format, RawTable
+from . import Format, RawTable
 from ._mat5 import Variable, contents, load
-from ._variables import as_frame, require_size, select, tables
+from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,21 +32,19 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             "numeric arrays or structs of numeric vectors",
             "Objects, tables and cells are not read: save plain arrays, for instance with table2array.",
         )
-    chosen = select(path, names, mapping.trajectories, mapping.zero_run)
-    wanted = [*chosen, *of_names, *([mapping.zero_run] if mapping.zero_run else [])]
+    wanted = [*select(path, names, mapping), *of_names]
     for name in wanted:
         require_size(path, name, listing[name].shape, listing[name].stored, max_bytes)
     complex_ones = [name for name, v in listing.items() if v.kind == "complex"]
     values = {name: load(path, listing[name], max_bytes, complex_ones) for name in wanted}
     shown = ", ".join(f"'{name}'" for name in complex_ones[:4])
     lost = [f"{shown} left out (complex numbers are not read: save real parts)"] if complex_ones else []
-    zero = as_frame(values.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
-    return tables(values, pattern_given=mapping.trajectories is not None, head={}, lost=lost), zero
+    return tables(values, mapping, lost)
 
 
 def _names_variable(listing: dict[str, Variable], mapping: LogMapping, path: Path) -> list[str]:
     """Return the text variable that names each row's run; a log is never read without these names."""
-    wanted = TRAJECTORY if mapping.trajectory is None else mapping.trajectory
+    wanted = mapping.run_column
     kind = listing[wanted].kind if isinstance(wanted, str) and wanted in listing else "number"
     if kind in ("char", "cell"):
         return [str(wanted)]

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pamid.errors import HostileLogError, TruncatedLogError
+from pamid.errors import HostileLogError
 
 from . import Format, RawTable, flat_columns
+from ._foreign import whole_file
 from ._lists import unfolded
 
 if TYPE_CHECKING:
@@ -21,26 +22,20 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    try:
-        with pq.ParquetFile(path, page_checksum_verification=True) as file:
-            schema, rows = file.schema_arrow, file.metadata.num_rows
-            declared = rows * max(len(schema), 1) * 8
-            if declared > max_bytes:
-                raise HostileLogError(
-                    f"{path.name} declares {rows} rows of {len(schema)} columns ({declared / 2**30:.3g} GiB).",
-                    f"at most {max_bytes / 2**30:.3g} GiB",
-                    "Split the log, or raise max_bytes if the file can be trusted.",
-                )
-            table = file.read(columns=flat_columns(schema, mapping))
-            frame = frame_of(table, path)
-    except (pa.ArrowException, OSError, ValueError) as error:
-        if isinstance(error, HostileLogError):
-            raise
-        raise TruncatedLogError(
-            f"{path.name} is damaged or cut off: {(str(error).splitlines() or ['no detail'])[0][:160]}.",
-            "a complete parquet file",
-            "Export or copy the log again.",
-        ) from None
+    errors = (pa.ArrowException, OSError, ValueError)
+    with (
+        whole_file(path, errors, "a complete parquet file", "Export or copy the log again."),
+        pq.ParquetFile(path, page_checksum_verification=True) as file,
+    ):
+        schema, rows = file.schema_arrow, file.metadata.num_rows
+        declared = rows * max(len(schema), 1) * 8
+        if declared > max_bytes:
+            raise HostileLogError(
+                f"{path.name} declares {rows} rows of {len(schema)} columns ({declared / 2**30:.3g} GiB).",
+                f"at most {max_bytes / 2**30:.3g} GiB",
+                "Split the log, or raise max_bytes if the file can be trusted.",
+            )
+        frame = frame_of(file.read(columns=flat_columns(schema, mapping)), path)
     return [RawTable(frame)], None
 
 
