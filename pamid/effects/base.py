@@ -27,8 +27,8 @@ contraction ratio and velocity its rate; for the joint, angle and angular veloci
 from __future__ import annotations
 
 from abc import ABC
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
 from typing import Any, ClassVar, NamedTuple
@@ -153,11 +153,11 @@ class Effect(ABC):
 
     Examples
     --------
-    >>> from pamid.effects import Effect, Parameter
+    >>> from pamid.effects import Effect, parameter
     >>> class Preload(Effect):
     ...     'A constant tension.'
     ...     name, family, equations, source = "preload", "elasticity", ("force",), "own measurement"
-    ...     parameters = (Parameter("tension", "N", 0.0, 50.0, 5.0, "tension of the springs", linear=True),)
+    ...     tension = parameter("N", 0.0, 50.0, 5.0, "tension of the springs", linear=True)
     ...     def force(self, s, x, plant):
     ...         return self.tension
     >>> Preload(tension=8)
@@ -172,7 +172,7 @@ class Effect(ABC):
     equations: ClassVar[tuple[str, ...]]
     """Equations that change, of `EQUATIONS`; for a sensor those that read it."""
     parameters: ClassVar[tuple[Parameter, ...]]
-    """Parameters, in order."""
+    """Parameters, in order: by default the attributes that are one, after those of the base that are not restated."""
     source: ClassVar[str]
     """DOI or standard."""
     roles: ClassVar[tuple[str, ...]] = ()
@@ -210,6 +210,8 @@ class Effect(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if "parameters" not in cls.__dict__:
+            cls._collect_parameters()
         if "name" not in cls.__dict__:
             return  # a shared base, not an effect of its own
         present = Effect.registry.get(cls.name)
@@ -222,6 +224,23 @@ class Effect(ABC):
         Effect.registry[cls.name] = cls
         if cls.__doc__ and cls.__module__.startswith("pamid.effects."):
             explain(cls)
+
+    @classmethod
+    def _collect_parameters(cls) -> None:
+        """Name the parameters among the attributes; a base's one that is a number here is fixed at it."""
+        own = {name: replace(p, name=name) for name, p in vars(cls).items() if isinstance(p, Parameter)}
+        inherited = getattr(cls, "parameters", ())
+        if own or any(p.name in vars(cls) for p in inherited):
+            cls.parameters = (*(p for p in inherited if p.name not in vars(cls)), *own.values())
+
+    @classmethod
+    def narrowed(
+        cls, hidden: Collection[str] = (), parameters: Sequence[Parameter] | None = None, **changes: Any
+    ) -> type[Effect]:
+        """Return it with some parameters fixed at their nominal values, or bounded anew, and other attributes."""
+        kept = tuple(p for p in parameters or cls.parameters if p.name not in hidden)
+        fixed = {p.name: p.nominal for p in cls.parameters if p.name in hidden}
+        return type(cls.__name__, (cls,), {"parameters": kept, **fixed, **changes})
 
     def __init__(self, **values: float) -> None:
         known = {p.name: p for p in self.parameters}

@@ -150,6 +150,39 @@ class Parameter:
         return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
 
 
+def parameter(unit: str, lower: float, upper: float, nominal: float, description: str, **properties: Any) -> Any:
+    """Return a parameter as an attribute of the class of its effect, from which it takes its name.
+
+    Parameters
+    ----------
+    unit : str
+        Its unit, ``"-"`` for a plain number.
+    lower, upper : float
+        Physical bounds.
+    nominal : float
+        A typical value.
+    description : str
+        What it is, in a few words.
+    **properties : bool or float or str
+        Further properties of a `Parameter`, such as ``linear=True``.
+
+    Returns
+    -------
+    Parameter
+        The parameter, for a type checker a value of it: that is what instances have.
+
+    Examples
+    --------
+    >>> from pamid.effects import Effect, parameter
+    >>> class Pin(Effect):
+    ...     'A bearing that resists.'
+    ...     friction = parameter("N m", 0.0, 10.0, 0.1, "torque of the bearing", linear=True)
+    >>> Pin.parameters[0].name, Pin(friction=0.2).friction
+    ('friction', 0.2)
+    """
+    return Parameter("", unit, lower, upper, nominal, description, **properties)
+
+
 def checked_value(effect: str, p: Parameter, value: Any, units: str = "all units are SI") -> float:
     """Return the value of an effect's parameter; raise unless it is a finite number within its bounds.
 

@@ -7,16 +7,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect
+from ..effects.backlash import Play
+from ..effects.leakage import Passage
 from .dimensions import unit_powers
-from .laws_between import ONE_BODY, Passage, Play
 from .links import Link
-from .placement import Placement, Scales, narrowed
+from .placement import Placement, Scales
 from .placing import GAP, STRAIN, follows_motion
 from .placing import placed as place_at
 from .reciprocity import factor_of
 
 if TYPE_CHECKING:
     from .sizes import SignalSizes
+
+
+ONE_BODY = ("load", "drive")
+"""Families of effects of a load on one end, or of its drive: they make no sense between two."""
 
 
 def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type[Effect]]]) -> list[Placement]:
@@ -53,7 +58,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
         if effect is Play:
             held, damped = link.stiffness * scale, link.damping * scale * survey.time
             own: dict[str, Any] = {"stiffness": held / scales.target, "damping": damped / scales.target}
-            bound = narrowed(effect, (), **own)
+            bound = effect.narrowed(**own)
             placed = replace(placed, effect=bound, powers={"half_width": 1}, units={"half_width": link.first.unit})
         found.append(placed)
     return found

@@ -5,26 +5,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
-
-import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from ..effects import Effect, Parameter, all_effects
-from ..effects.output_saturation import OutputSaturation
-from ..effects.overflow import Overflow
+from ..effects import Effect, all_effects
+from ..effects.backlash import Play
+from ..effects.gas import PortOverflow
+from ..effects.limits import ReadingRange
+from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
+from ..effects.springs import LowerStop, Spring, UpperStop
 from ..errors import UnknownOptionError
-from ..signals.state import Array
 from ..signals.units import UNITS, Unit
 from .at_links import at_link
 from .base import Simulator
 from .dimensions import powers, unit_powers
-from .laws_between import LAWS
-from .of_parameters import OF_PARAMETERS, at_parameters
-from .placement import Placement, Scales, narrowed
+from .of_parameters import at_parameters
+from .placement import Placement, Scales
 from .placing import GAP, PASCAL, STRAIN, follows_motion, placed
 from .sizes import SignalSizes
-from .stops import STOPS
 from .structure import rate_unit
 
 _TOP = 5e5
@@ -35,51 +32,19 @@ NEAR_END = 1e-3
 """Accuracy of the end of a sensor's range, as a share of it."""
 
 
-class PortOverflow(Overflow):
-    r"""Outflow above a level, a share of which enters the next chamber.
-
-    .. math:: \dot h = -c\,\max(h - h_o, 0), \qquad \dot h_\mathrm{next} = r\,c\,\max(h - h_o, 0)
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
-        *Overflow.parameters,
-        Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
-    )
-    returned: float
-
-
-class ReadingRange(OutputSaturation):
-    r"""A reading stays within the range of its sensor, about zero or with an end on one side only.
-
-    .. math:: y' = \max(-y_s, \min(y_s, y)), \qquad y' = \min(y, y_u) \quad\text{or}\quad y' = \max(y, -y_d)
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
-        *OutputSaturation.parameters,
-        Parameter("upper", "N", 1e-2, 1e5, 280.0, "largest value, where only that side has an end", idle=True),
-        Parameter("depth", "N", 1e-2, 1e5, 280.0, "how far it reads below 0, where only that side ends", idle=True),
-    )
-    upper: float
-    depth: float
-
-    def measure(self, value: Array, x: Array) -> Array:
-        """Return the value within the range."""
-        if "upper" in self.values:
-            value = np.minimum(value, self.upper)
-        if "depth" in self.values:
-            value = np.maximum(value, -self.depth)
-        return value if {"upper", "depth"} & self.values.keys() else super().measure(value, x)
-
-    @staticmethod
-    def side_of(values: Mapping[str, float]) -> int:
-        """Return the side on which a range with these values ends: 1 for the upper, -1 the lower, 0 for both."""
-        return int("upper" in values) - int("depth" in values)
-
-    @classmethod
-    def ending(cls, side: int) -> type[Effect]:
-        """Return the effect of a range that ends on one side, or on both (0)."""
-        names = [p.name for p in cls.parameters]
-        return narrowed(cls, tuple(n for n in names if n != names[side]))
+OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
+    "overflow": ("chamber", PortOverflow),
+    "sensor_saturation": ("output", ReadingRange),
+    "backlash": ("link", Play),
+    "spring": ("link", Spring),
+    "upper_stop": ("joint", UpperStop),
+    "lower_stop": ("joint", LowerStop),
+    "parameter_deviation": ("parameter", ParameterDeviation),
+    "parameter_drift": ("parameter", ParameterDrift),
+    "added_inertia": ("parameter", AddedInertia),
+    "payload": ("parameter", Payload),
+}
+"""Effects that act at ports alone, or in another form than on the bench, by name, with the kind of port."""
 
 
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
@@ -118,11 +83,7 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
             found.setdefault(name, ("joint", effect))
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
-    found["overflow"] = ("chamber", PortOverflow)
-    found["sensor_saturation"] = ("output", ReadingRange)
-    found |= {name: ("link", effect) for name, effect in LAWS.items()}
-    found |= {name: ("joint", effect) for name, effect in STOPS.items()}
-    return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
+    return found | OF_PORTS
 
 
 def _rank(name: str) -> tuple[bool, str]:
@@ -219,7 +180,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             if kind != "joint" or not follows_motion(effect):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
-            if name in STOPS and not joint.position:
+            if issubclass(effect, UpperStop) and not joint.position:
                 continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
             hidden = tuple(p.name for p in effect.parameters if p.neutral or "Pa" in unit_powers(p.unit))
@@ -230,9 +191,9 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
                 range_of=span / scale, speed=scales.speed(survey.spans.get(joint.velocity, 0.0)),
                 interval=survey.interval,
             )  # fmt: skip
-            if name in STOPS:
+            if issubclass(effect, UpperStop):
                 low = survey.lows[joint.position] / scale
-                made = replace(made, effect=STOPS[name].within(low, low + span / scale))
+                made = replace(made, effect=effect.within(low, low + span / scale))
             found.append(made)
     return found
 
@@ -287,7 +248,7 @@ def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: f
         if p.name == "coefficient":
             p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))
         changed.append(p)
-    return narrowed(effect, parameters=tuple(changed))
+    return effect.narrowed(parameters=changed)
 
 
 def _temperature(unit: str) -> Unit | None:

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..effects import Effect
 from ..effects.base import Signals
+from ..effects.delays import TransportDelay
 from ..effects.plant import Surroundings
-from ..effects.transport_delay import TransportDelay
 from ..errors import SimulatorTypeError
 from .between import Between, ends_of
 from .catalogue import in_port_units, port_effects

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import Effect, Parameter, Signals
+from ..effects import Effect, Signals
 from ..effects.plant import Surroundings
 from ..effects.values import checked_value
 from .base import Simulator
@@ -214,12 +214,3 @@ class Placement:
         """Return the true values behind the readings of a sensor, along runs."""
         found = made.restore(reading / self.scales.target, dt * self.scales.time, starts)
         return np.asarray(found, dtype=float) * self.scales.target
-
-
-def narrowed(
-    effect: type[Effect], hidden: tuple[str, ...] = (), parameters: Sequence[Parameter] | None = None, **changes: Any
-) -> type[Effect]:
-    """Return an effect of the library with parameters fixed at their nominal values, and other class attributes."""
-    kept = tuple(p for p in parameters or effect.parameters if p.name not in hidden)
-    fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
-    return type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..effects import Effect, Parameter
 from .dimensions import powers, unit_powers, unit_text
-from .placement import Placement, Scales, narrowed
+from .placement import Placement, Scales
 
 PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 """Units of pressure, in Pa."""
@@ -58,7 +58,7 @@ def placed(
     if interval and any(p.simplest for p in effect.parameters):
         known_from = interval * scales.time / effect.fastest
         changes["parameters"] = tuple(_remembered(p, known_from) for p in effect.parameters)
-    bound = narrowed(effect, hidden, **changes)
+    bound = effect.narrowed(hidden, **changes)
     return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
 
 
