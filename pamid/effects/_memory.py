@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
 
+from ..signals.paths import play
 from ..signals.recursion import recursive
 from ..signals.state import Array
 
@@ -155,3 +157,72 @@ def carried_along(
     out = np.moveaxis(recursive(np.moveaxis(drive, 0, -1), [trace, -determinant], starts), -1, 0)
     out[0] += rest
     return out
+
+
+RATIOS = (1.0 / 3.0, 1.0, 3.0)
+"""Widths of elastic stops, as multiples of the middle one."""
+
+
+def stopped(z: Array, moved: Array, width: float) -> Array:
+    """Advance stops z ∈ [−1, 1] by a displacement in one direction."""
+    widths = width * np.reshape(RATIOS, (-1, *[1] * np.ndim(moved)))
+    return np.clip(z + moved / widths, -1.0, 1.0)
+
+
+def stops_along(x: Array, width: float, starts: Array) -> Array:
+    """Return `stopped` along the runs of a log, without a loop over time: x less its play."""
+    x = np.asarray(x, dtype=float)
+    return np.stack([(x - play(x, ratio * width, starts)) / (ratio * width) for ratio in RATIOS])
+
+
+def stops_force(z: Array, weights: Sequence[float], slopes: Sequence[float], position: Array) -> Array:
+    """Return the force of the stops, N: −Σ (w + v x) z over the elements, their weights changing with the position."""
+    parts = ((w + v * position) * element for w, v, element in zip(weights, slopes, z, strict=True))
+    return -sum(parts, start=np.zeros(np.shape(z[0])))
+
+
+def cubic(x: float, nodes: Sequence[int]) -> list[float]:
+    """Return the weights of four samples in the value between them: the cubic polynomial through them."""
+    return [math.prod((x - b) / (a - b) for b in nodes if b != a) for a in nodes]
+
+
+def memory(samples: float, smooth: bool = True) -> int:
+    """Return how many past values `shift` needs, besides the output."""
+    return max(math.ceil(samples) + 2, 4) if smooth else math.ceil(samples) + 1
+
+
+def shift(x: Array, value: Array, samples: float, smooth: bool = False) -> Array:
+    """Push ``value`` into the memory (entry 0: output, entries 1…: newest first) and update the output."""
+    out = np.empty_like(x)
+    out[1] = value
+    out[2:] = x[1:-1]
+    whole = math.floor(samples)
+    part = samples - whole
+    out[0] = out[1 + whole]
+    if part > 0.0 and smooth:
+        nodes = range(first := max(whole - 1, 0), first + 4)  # nothing is newer than the newest
+        out[0] = sum(w * out[1 + k] for w, k in zip(cubic(samples, nodes), nodes, strict=True))
+    elif part > 0.0:
+        out[0] += part * (out[2 + whole] - out[1 + whole])
+    return out
+
+
+def delayed_rows(v: Array, samples: float, starts: Array, smooth: bool = False) -> Array:
+    """Return ``v`` delayed (or advanced) within each run; ends repeat, smooth signals are interpolated cubically."""
+    v, n = np.asarray(v, dtype=float), len(v)
+    starts = np.asarray(starts, dtype=np.int64)
+    lengths = np.diff(np.append(starts, n))
+    first = np.repeat(starts, lengths)
+    last = np.repeat(starts + lengths - 1, lengths)
+    whole = math.floor(samples)
+    part = samples - whole
+    rows = np.arange(n)
+
+    def at(k: int) -> Array:
+        return v[np.clip(rows - whole - k, first, last)]
+
+    if part == 0.0:
+        return at(0)
+    if smooth:
+        return np.asarray(sum(w * at(k) for w, k in zip(cubic(part, range(-1, 3)), range(-1, 3), strict=True)))
+    return at(0) + part * (at(1) - at(0))

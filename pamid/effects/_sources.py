@@ -51,6 +51,9 @@ def explain(effect: type[Any]) -> None:
     doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(said)}.")
     if cited := [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]:
         doc.sections.setdefault("References", cited[0])
-    example = f'>>> make_effect("{effect.name}", {p.name}={p.nominal:g})\n{effect()!r}'
-    doc.sections.setdefault("Examples", f">>> from pamid.effects import make_effect\n{example}")
+    home, made, first = "pamid.effects", "make_effect", f'"{effect.name}", '
+    if "name" not in vars(effect):  # of ports alone
+        home, made, first = effect.__module__, effect.__name__, ""
+    example = f">>> {made}({first}{p.name}={p.nominal:g})\n{effect()!r}"
+    doc.sections.setdefault("Examples", f">>> from {home} import {made}\n{example}")
     effect.__doc__ = str(doc)

@@ -14,7 +14,7 @@ from .plant import Plant
 from .values import parameter
 
 
-class LostMotion(OnSignal):
+class _LostMotion(OnSignal):
     """What follows a signal once the play is used up."""
 
     family = "hysteresis"
@@ -37,7 +37,7 @@ class LostMotion(OnSignal):
         return play(np.asarray(self.signal(s), dtype=float), self.half_width, starts)[None]
 
 
-class Backlash(LostMotion):
+class Backlash(_LostMotion):
     r"""Lost motion between joint and muscle: after a reversal the muscle does not move until the play is used up.
 
     .. math:: y = \mathrm{play}_w(\varepsilon), \qquad
@@ -76,7 +76,7 @@ class Backlash(LostMotion):
         return FlowTerm(s.pressure * rate / plant.RT, room / (plant.heat_capacity_ratio * plant.RT))
 
 
-class ActuatorBacklash(LostMotion, OfCommand):
+class ActuatorBacklash(_LostMotion, OfCommand):
     r"""Lost motion in a gear or linkage of the actuator.
 
     .. math:: u' = \mathrm{play}_w(u)
@@ -92,7 +92,7 @@ class ActuatorBacklash(LostMotion, OfCommand):
     half_width = parameter("-", 0.0, 0.5, 0.03, "half the play")
 
 
-class OutputBacklash(LostMotion, OfForce):
+class OutputBacklash(_LostMotion, OfForce):
     r"""Lost motion behind a drive: after a reversal its output stays constant until the play is used up.
 
     .. math:: y' = \mathrm{play}_w(y)

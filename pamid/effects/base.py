@@ -212,8 +212,11 @@ class Effect(ABC):
         super().__init_subclass__(**kwargs)
         if "parameters" not in cls.__dict__:
             cls._collect_parameters()
+        whole = cls.__doc__ and getattr(cls, "parameters", None) and not cls.__name__.startswith("_")
+        if whole and cls.__module__.startswith("pamid.effects."):
+            explain(cls)
         if "name" not in cls.__dict__:
-            return  # a shared base, not an effect of its own
+            return  # a shared base, or of ports alone
         present = Effect.registry.get(cls.name)
         if present is not None and (present.__module__, present.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ParameterError(
@@ -222,8 +225,6 @@ class Effect(ABC):
                 "Choose another name.",
             )
         Effect.registry[cls.name] = cls
-        if cls.__doc__ and cls.__module__.startswith("pamid.effects."):
-            explain(cls)
 
     @classmethod
     def _collect_parameters(cls) -> None:
@@ -277,7 +278,8 @@ class Effect(ABC):
 
     def __repr__(self) -> str:
         units = {p.name: p.unit for p in self.parameters}
-        return f"{self.name}({', '.join(f'{k}={v:g} {units[k]}'.removesuffix(' -') for k, v in self.values.items())})"
+        values = [f"{k}={v:g} {units[k]}".removesuffix(" -") for k, v in self.values.items()]
+        return f"{self.name or type(self).__name__}({', '.join(values)})"
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and isinstance(other, Effect) and self.values == other.values

@@ -17,7 +17,7 @@ PRESLIDING = parameter("-", 1e-6, 2e-3, 2e-4, "displacement within which frictio
 TRANSITION = parameter("1/s", 0.0, 0.1, 0.0, "speed below which friction fades, as tanh", position=1, refines=True)
 
 
-class Bristles(Effect):
+class _Bristles(Effect):
     """Dry friction that turns over within a displacement, by Dahl's bristles."""
 
     family = "friction"
@@ -56,7 +56,7 @@ class Bristles(Effect):
         return x[0] * np.tanh(np.abs(s.velocity) / self.transition) if self.transition else x[0]
 
 
-class CoulombFriction(Bristles):
+class CoulombFriction(_Bristles):
     r"""Dry friction against the motion, independent of speed, regularised by presliding.
 
     .. math:: \Delta F = -(F_c + \mu\,(P - P_\mathrm{atm}))\, z \tanh\frac{|\dot x|}{v_t}, \qquad
@@ -99,7 +99,7 @@ class CoulombFriction(Bristles):
         return -level * self.turned(s, x)
 
 
-class LoadDependentFriction(Bristles):
+class LoadDependentFriction(_Bristles):
     r"""Dry friction in proportion to the gauge pressure, which presses the threads onto each other.
 
     .. math:: \Delta F = -\mu\,(P - P_\mathrm{atm})\, z
@@ -126,7 +126,7 @@ class LoadDependentFriction(Bristles):
         return -self.coefficient * self.pressing(s, plant) * self.turned(s, x)
 
 
-class DirectionalFriction(Bristles):
+class DirectionalFriction(_Bristles):
     r"""Dry friction of a seal, a lip or a gear that differs forwards and backwards, and changes with pressure.
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
@@ -165,7 +165,7 @@ class DirectionalFriction(Bristles):
         return -forward * np.maximum(z, 0.0) - backward * np.minimum(z, 0.0)
 
 
-class StribeckFriction(Bristles):
+class StribeckFriction(_Bristles):
     r"""Dry friction whose breakaway part fades with speed.
 
     .. math:: \Delta F = -\left(F_c + F_s\, e^{-(\dot x / v_s)^2}\right) z
@@ -196,7 +196,7 @@ class StribeckFriction(Bristles):
         return -(self.coulomb + self.breakaway * np.exp(-((s.velocity / self.velocity) ** 2))) * self.turned(s, x)
 
 
-class TorqueLoss(Bristles):
+class TorqueLoss(_Bristles):
     r"""Share of the transmitted force that is lost; a different share where the load drives the motor.
 
     .. math:: \Delta F = -\eta\,|F|\,z, \qquad \eta = \eta_d \text{ where } F z > 0, \text{ else } \eta_b

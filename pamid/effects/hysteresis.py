@@ -2,41 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
-from ..signals.paths import Path, play
+from ..signals.paths import Path
 from ..signals.state import Array
-from ._memory import bouc_wen
+from ._memory import RATIOS, bouc_wen, stopped, stops_along, stops_force
 from ._places import OfCommand, OnSignal
 from .base import Effect, Signals
 from .plant import Plant
 from .values import parameter
 
-RATIOS = (1.0 / 3.0, 1.0, 3.0)
-"""Widths of elastic stops, as multiples of the middle one."""
 
-
-def stopped(z: Array, moved: Array, width: float) -> Array:
-    """Advance stops z ∈ [−1, 1] by a displacement in one direction."""
-    widths = width * np.reshape(RATIOS, (-1, *[1] * np.ndim(moved)))
-    return np.clip(z + moved / widths, -1.0, 1.0)
-
-
-def stops_along(x: Array, width: float, starts: Array) -> Array:
-    """Return `stopped` along the runs of a log, without a loop over time: x less its play."""
-    x = np.asarray(x, dtype=float)
-    return np.stack([(x - play(x, ratio * width, starts)) / (ratio * width) for ratio in RATIOS])
-
-
-def stops_force(z: Array, weights: Sequence[float], slopes: Sequence[float], position: Array) -> Array:
-    """Return the force of the stops, N: −Σ (w + v x) z over the elements, their weights changing with the position."""
-    parts = ((w + v * position) * element for w, v, element in zip(weights, slopes, z, strict=True))
-    return -sum(parts, start=np.zeros(np.shape(z[0])))
-
-
-class Stops(OnSignal):
+class _Stops(OnSignal):
     """Elastic stops of three widths, the elements of a Prandtl–Ishlinskii operator, moved by a signal."""
 
     family = "hysteresis"
@@ -130,7 +107,7 @@ class Hysteresis(Effect):
         return -self.amplitude * x[:half].mean(axis=0) - self.slip * x[half:].mean(axis=0)
 
 
-class PrandtlIshlinskii(Stops):
+class PrandtlIshlinskii(_Stops):
     r"""Prandtl–Ishlinskii operator: elastic stops of three widths, whose weights may change with the position.
 
     .. math:: \Delta y = -\sum_{i=1}^{3} (w_i + v_i\,x)\,z_i, \qquad
@@ -171,7 +148,7 @@ class PrandtlIshlinskii(Stops):
         return stops_force(x, self.weights, slopes, s.position)
 
 
-class PressureHysteresis(Stops):
+class PressureHysteresis(_Stops):
     r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder resist both filling and venting.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} (w_i + v_i\,\varepsilon)\,z_i, \qquad
@@ -212,7 +189,7 @@ class PressureHysteresis(Stops):
         return stops_force(x, self.weights, growths, s.position)
 
 
-class ActuatorHysteresis(Stops, OfCommand):
+class ActuatorHysteresis(_Stops, OfCommand):
     r"""Prandtl–Ishlinskii operator in the command: a piezo or a magnet lags behind its drive at any speed.
 
     .. math:: u' = u - \sum_{i=1}^{3} w_i\, r_i\, z_i, \qquad

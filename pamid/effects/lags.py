@@ -15,7 +15,7 @@ from .values import parameter
 SECOND = parameter("-", 0.0, 1.0, 0.0, "second lag as a share of the first")
 
 
-class Lag(OnSignal):
+class _Lag(OnSignal):
     """A reading that follows with a lag, of second order with a second one: ``time_constant``, ``second``."""
 
     time_constant: float
@@ -53,7 +53,7 @@ class Lag(OnSignal):
         return unlagged(reading, dt, first + second, first * second, starts)
 
 
-class PressureLag(Lag, OfPressure):
+class PressureLag(_Lag, OfPressure):
     r"""A pressure sensor that lags.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = P - x, \qquad
@@ -72,7 +72,7 @@ class PressureLag(Lag, OfPressure):
     second = SECOND
 
 
-class ForceLag(Lag, OfForce):
+class ForceLag(_Lag, OfForce):
     r"""A load cell behind a slow amplifier.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = F - x, \qquad
@@ -91,7 +91,7 @@ class ForceLag(Lag, OfForce):
     second = SECOND
 
 
-class FlowLag(Lag, OfFlow):
+class FlowLag(_Lag, OfFlow):
     r"""A flow meter that lags.
 
     .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = \dot m - x, \qquad

@@ -11,7 +11,7 @@ from .base import Effect
 from .values import parameter
 
 
-class Deviation(Effect):
+class _Deviation(Effect):
     """A number of a simulator that deviates by a share of it."""
 
     of: ClassVar[str]
@@ -23,7 +23,7 @@ class Deviation(Effect):
         return {self.of: values[self.of] * (1.0 + self.deviation)}
 
 
-class BraidAngle(Deviation):
+class BraidAngle(_Deviation):
     r"""A braid wound at another angle. θ₀ → θ₀ (1 + δ)."""
 
     name = "braid_angle"
@@ -34,7 +34,7 @@ class BraidAngle(Deviation):
     deviation = parameter("-", -0.3, 0.3, 0.1, "relative deviation of the braid angle")
 
 
-class Diameter(Deviation):
+class Diameter(_Deviation):
     r"""A muscle thicker or thinner than its drawing. D₀ → D₀ (1 + δ)."""
 
     name = "diameter"
@@ -45,7 +45,7 @@ class Diameter(Deviation):
     deviation = parameter("-", -0.5, 1.0, 0.1, "relative deviation of the rest diameter")
 
 
-class Length(Deviation):
+class Length(_Deviation):
     r"""A muscle longer or shorter than its drawing. L₀ → L₀ (1 + δ)."""
 
     name = "length"
@@ -56,7 +56,7 @@ class Length(Deviation):
     deviation = parameter("-", -0.5, 1.0, 0.1, "relative deviation of the rest length")
 
 
-class Inertia(Deviation):
+class Inertia(_Deviation):
     r"""Inertia of the load that differs from the assumed one. J → J (1 + δ)."""
 
     name = "inertia"
@@ -67,7 +67,7 @@ class Inertia(Deviation):
     deviation = parameter("-", -0.8, 5.0, 0.1, "relative deviation of the inertia")
 
 
-class ValveConductance(Deviation):
+class ValveConductance(_Deviation):
     r"""Different sonic conductance: C → C (1 + δ)."""
 
     name = "valve_conductance"
@@ -78,7 +78,7 @@ class ValveConductance(Deviation):
     deviation = parameter("-", -0.9, 2.0, 0.15, "relative deviation", linear=True)
 
 
-class ParameterDeviation(Deviation):
+class ParameterDeviation(_Deviation):
     r"""A parameter that deviates by more than its tolerance: :math:`p' = p\,(1 + \delta)`, by any positive factor."""
 
     family = "parameter"

@@ -11,7 +11,7 @@ from .base import Effect
 from .values import parameter
 
 
-class Invertible(Effect):
+class _Invertible(Effect):
     """A fault that each reading shows by itself."""
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
@@ -19,7 +19,7 @@ class Invertible(Effect):
         return self.restore_next(reading, reading, np.asarray(dt))
 
 
-class Bias(Invertible):
+class _Offset(_Invertible):
     """A constant added to every reading: parameter ``offset``."""
 
     offset: float
@@ -33,7 +33,7 @@ class Bias(Invertible):
         return reading - self.offset
 
 
-class Gain(Invertible):
+class _Sensitivity(_Invertible):
     """Every reading too large or too small by a factor: parameter ``deviation``."""
 
     deviation = parameter("-", -0.5, 0.5, 0.02, "relative deviation of the reading", linear=True)
@@ -48,7 +48,7 @@ class Gain(Invertible):
         return (reading + self.deviation * self.zero) / (1.0 + self.deviation)
 
 
-class PressureBias(Bias, OfPressure):
+class PressureBias(_Offset, OfPressure):
     r"""A pressure sensor with an offset.
 
     .. math:: P' = P + P_0
@@ -58,7 +58,7 @@ class PressureBias(Bias, OfPressure):
     offset = parameter("Pa", -1.2e5, 1.2e5, 2e3, "offset of the reading", linear=True)
 
 
-class ForceBias(Bias, OfForce):
+class ForceBias(_Offset, OfForce):
     r"""A load cell with an offset.
 
     .. math:: F' = F + F_0
@@ -68,7 +68,7 @@ class ForceBias(Bias, OfForce):
     offset = parameter("N", -500.0, 500.0, 3.0, "offset of the reading", linear=True)
 
 
-class FlowBias(Bias, OfFlow):
+class FlowBias(_Offset, OfFlow):
     r"""A flow meter with an offset.
 
     .. math:: \dot m' = \dot m + \dot m_0
@@ -78,7 +78,7 @@ class FlowBias(Bias, OfFlow):
     offset = parameter("kg/s", -1e-3, 1e-3, 1e-5, "offset of the reading", linear=True)
 
 
-class PressureGain(Gain, OfPressure):
+class PressureGain(_Sensitivity, OfPressure):
     r"""A pressure sensor with a wrong sensitivity.
 
     .. math:: P' = P + \delta\,(P - P_0)
@@ -95,7 +95,7 @@ class PressureGain(Gain, OfPressure):
     zero = parameter("Pa", 0.0, 1.2e5, ATMOSPHERIC_PRESSURE, "pressure at which the reading is right")
 
 
-class ForceGain(Gain, OfForce):
+class ForceGain(_Sensitivity, OfForce):
     r"""A load cell with a wrong sensitivity.
 
     .. math:: F' = (1 + \delta)\,F
@@ -104,7 +104,7 @@ class ForceGain(Gain, OfForce):
     name = "force_gain"
 
 
-class AngleGain(Gain, OfAngle):
+class AngleGain(_Sensitivity, OfAngle):
     r"""An encoder with a wrong scale.
 
     .. math:: q' = (1 + \delta)\,q

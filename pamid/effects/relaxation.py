@@ -15,7 +15,7 @@ from .plant import Plant
 from .values import parameter
 
 
-class Branches(OnSignal):
+class _Branches(OnSignal):
     """Branches that relax towards a signal, some of them slower than the one of the time constant."""
 
     ratios: ClassVar[tuple[float, ...]]
@@ -44,7 +44,7 @@ class Branches(OnSignal):
         return np.stack([relax_along(self.signal(s), dt, tau, starts) for tau in self.taus])
 
 
-class Springs(Branches):
+class _Springs(_Branches):
     """Springs in series with dampers, which relax towards a position."""
 
     of = "position"
@@ -68,7 +68,7 @@ class Springs(Branches):
         return -sum(parts, start=np.zeros(np.shape(x[0])))
 
 
-class Creep(Springs):
+class Creep(_Springs):
     r"""Two relaxing springs parallel to the muscle; between their time constants, the force drifts nearly as log t.
 
     .. math:: \Delta F = -\sum_i k_i\,(\varepsilon - x_i), \qquad \tau_i\,\dot x_i = \varepsilon - x_i
@@ -130,7 +130,7 @@ class Creep(Springs):
         return tuple(("force", tau, stiffness * off) for tau, stiffness in springs if stiffness * off > 0.0)
 
 
-class Maxwell(Springs):
+class Maxwell(_Springs):
     r"""Generalised Maxwell model: three springs in series with dampers, their time constants a decade apart.
 
     .. math:: \Delta F = -\sum_{i=1}^{3} k_i\,(x - x_i), \qquad \tau_i\,\dot x_i = x - x_i, \qquad
@@ -155,7 +155,7 @@ class Maxwell(Springs):
     time_constant = parameter("s", 0.02, 100.0, 0.5, "relaxation time of the middle branch", simplest=True)
 
 
-class PressureRelaxation(Branches):
+class PressureRelaxation(_Branches):
     r"""Bladder and braid that relax for seconds after each change of pressure.
 
     .. math:: \Delta F = -\sum_{i=1}^{2} (a_i + b_i\,\varepsilon)\,(P - P_i), \qquad \tau_i\,\dot P_i = P - P_i,

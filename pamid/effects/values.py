@@ -175,7 +175,6 @@ def parameter(unit: str, lower: float, upper: float, nominal: float, description
     --------
     >>> from pamid.effects import Effect, parameter
     >>> class Pin(Effect):
-    ...     'A bearing that resists.'
     ...     friction = parameter("N m", 0.0, 10.0, 0.1, "torque of the bearing", linear=True)
     >>> Pin.parameters[0].name, Pin(friction=0.2).friction
     ('friction', 0.2)

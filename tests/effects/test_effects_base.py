@@ -10,9 +10,8 @@ import pytest
 
 from pamid.bench import BenchParameters
 from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect
-from pamid.effects._memory import bouc_wen, dahl, relax
+from pamid.effects._memory import bouc_wen, dahl, relax, stopped, stops_along
 from pamid.effects.base import EQUATIONS, KINDS
-from pamid.effects.hysteresis import stopped, stops_along
 from pamid.effects.plant import Plant
 from pamid.effects.registry import chosen_effects
 from pamid.errors import ImplausibleParameterError, ParameterError, UnknownOptionError, UnknownParameterError
