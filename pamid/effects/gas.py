@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -265,6 +266,15 @@ class PortOverflow(Overflow):
     """
 
     returned = parameter("-", 0.0, 1.0, 0.0, "share that runs on")
+
+    @classmethod
+    def within(cls, low: float, high: float, fastest: float) -> type[Effect]:
+        """Return the effect with its level within a range, and no faster than a coefficient."""
+        rate, level, returned = cls.parameters
+        edge = 0.02 * (high - low)
+        slow = replace(rate, upper=min(rate.upper, fastest), nominal=min(rate.nominal, 0.1 * fastest))
+        inside = replace(level, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
+        return cls.narrowed(parameters=(slow, inside, returned))
 
 
 _ROUNDS, _CLOSE = 40, 1e-12

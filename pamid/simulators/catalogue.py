@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ..constants import ATMOSPHERIC_PRESSURE
@@ -17,10 +17,10 @@ from ..errors import UnknownOptionError
 from ..signals.units import UNITS, Unit
 from .at_links import at_link
 from .base import Simulator
-from .dimensions import powers, unit_powers
+from .dimensions import powers
 from .of_parameters import at_parameters
 from .placement import Placement, Scales
-from .placing import GAP, PASCAL, STRAIN, follows_motion, placed
+from .placing import GAP, PASCAL, STRAIN, Place, follows_motion, hidden_of, powers_at
 from .sizes import SignalSizes
 from .structure import rate_unit
 
@@ -86,6 +86,10 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
     return found | OF_PORTS
 
 
+def _effects_at(kind: str) -> list[tuple[str, type[Effect]]]:
+    return [(name, effect) for name, (own, effect) in port_effects().items() if own == kind]
+
+
 def _rank(name: str) -> tuple[bool, str]:
     """Return the rank of an effect among those that are equivalent at a port: a force's sensor first."""
     return not name.startswith("force"), name
@@ -118,97 +122,79 @@ def _without_sums(keys: Iterable[str], found: Mapping[str, Placement]) -> list[s
 
 
 # --- the kinds of ports -------------------------------------------------------------------------------------
-def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     for port in simulator.ports:
         span = survey.spans.get(port.name, 0.0)
         if port.kind != "input" or not span > 0.0:
             continue
-        for name, (kind, effect) in port_effects().items():
-            if kind == "input":
-                hook = "command" if "command" in effect.hooks() else "measure"
-                scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
-                hidden = tuple(
-                    p.name
-                    for p in effect.parameters
-                    if (p.share and p.nominal == 0.0) or (p.skew and not survey.turns(port.name))
-                )
-                found.append(placed(
-                    name, effect, port.name, hook, "input", port.name, {}, scales, port.unit, port.unit, hidden,
-                    reach=survey.tops.get(port.name, span),
-                ))  # fmt: skip
-    return found
+        scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
+        reach = survey.tops.get(port.name, span)
+        place = Place(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
+        turns = survey.turns(port.name)
+        for name, effect in _effects_at("input"):
+            simple = [p.name for p in effect.parameters if (p.share and p.nominal == 0.0) or (p.skew and not turns)]
+            yield place.placed(name, effect, tuple(simple))
 
 
-def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found, own = [], {f"{name}@{where}": values for name, where, values in simulator.effects}
+def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
+    own = {f"{name}@{where}": values for name, where, values in simulator.effects}
     for port in survey.readings:
-        span = survey.spans.get(port, 0.0)
+        span, end = survey.spans.get(port, 0.0), survey.ends.get(port, 0.0)
         if not span > 0.0:
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
-        for name, (kind, effect) in port_effects().items():
-            if kind == "output":
-                end, reach = survey.ends.get(port, 0.0), survey.tops.get(port, span)
-                if issubclass(effect, ReadingRange):
-                    side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
-                    effect, reach = effect.ending(side), end if side else reach
-                found.append(placed(
-                    name, effect, port, "measure", "output", port, {}, scales, unit, unit,
-                    reach=reach, least=(1.0 - NEAR_END) * end,
-                ))  # fmt: skip
-    return found
+        reach, least = survey.tops.get(port, span), (1.0 - NEAR_END) * end
+        place = Place(port, "output", "output", port, scales, unit, unit, reach=reach, least=least)
+        for name, effect in _effects_at("output"):
+            if issubclass(effect, ReadingRange):
+                side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
+                yield replace(place, reach=end if side else reach).placed(name, effect.ending(side))
+            else:
+                yield place.placed(name, effect)
 
 
-def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     for joint in survey.joints:
-        span = survey.spans.get(joint.position) or survey.spans.get(f"{joint.name}.path", 0.0)
+        position = joint.position or f"{joint.name}.path"
+        span = survey.spans.get(position, 0.0)
         if not span > 0.0:
             continue
         unit = simulator.port(joint.position).unit if joint.position else _travel(simulator.port(joint.velocity).unit)
         size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
         if joint.through:
             size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
-        follows = {"position": joint.position or f"{joint.name}.path", "velocity": joint.velocity}
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
-        for name, (kind, effect) in port_effects().items():
+        for name, effect in _effects_at("joint"):
             if name == "back_emf" and joint.unit != "V":
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if kind != "joint" or not follows_motion(effect):
+            if not follows_motion(effect) or (issubclass(effect, UpperStop) and not joint.position):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
-            if issubclass(effect, UpperStop) and not joint.position:
-                continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
-            hidden = tuple(p.name for p in effect.parameters if p.neutral or "Pa" in unit_powers(p.unit))
-            used = {r: s for r, s in follows.items() if r in effect.roles}
-            prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
-            made = placed(
-                name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior,
-                range_of=span / scale, speed=scales.speed(survey.spans.get(joint.velocity, 0.0)),
-                interval=survey.interval,
+            place = Place(
+                joint.name, "joint", enters, at, scales, joint.unit, unit,
+                {"position": position, "velocity": joint.velocity}, range_of=span / scale,
+                speed=scales.speed(survey.spans.get(joint.velocity, 0.0)), interval=survey.interval,
             )  # fmt: skip
+            made = place.placed(name, effect, hidden_of(effect))
             if issubclass(effect, UpperStop):
                 low = survey.lows[joint.position] / scale
                 made = replace(made, effect=effect.within(low, low + span / scale))
-            found.append(made)
-    return found
+            yield made
 
 
 def _travel(unit: str) -> str:
     return unit.removesuffix("/s") or "-"
 
 
-def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     moving = {n for j in survey.joints for n in (j.position, j.velocity)}
     chambers = {p.level: (p.name, p.through, p.unit) for p in simulator.ports if p.kind == "chamber"}
     levels = simulator.states if simulator.form == "ode" else [p for p in chambers if p in survey.readings]
     for state in levels:
-        span = survey.spans.get(state, 0.0)
+        span, signal = survey.spans.get(state, 0.0), simulator.port(state).unit
         if state in moving or not span > 0.0:
             continue
         name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
@@ -216,39 +202,20 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if through:
             push = abs(survey.pushes.get((through, state), 1.0)) or 1.0
             size, unit = size / push, simulator.port(through).unit
-        domain = "temperature" if _temperature(simulator.port(state).unit) else "store"
-        for effect_name, (kind, found_effect) in port_effects().items():
-            if kind == "chamber" and found_effect.domain == domain:
-                effect, into = found_effect, ""
-                head = _head(simulator.port(state).unit, survey, state)
-                scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **head)
-                if effect_name == "overflow":
-                    fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
-                    low = survey.lows[state]
-                    effect = _within(effect, head, low, survey.highs.get(state, low + span), fastest)
-                    into = "" if through else survey.feeds.get(state, "")
-                enters, at = ("input", through) if through else ("state", state)
-                hidden = () if into else ("returned",)
-                leak = placed(
-                    effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
-                    simulator.port(state).unit, hidden,
-                )  # fmt: skip
-                found.append(replace(leak, into=into))
-    return found
-
-
-def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float, fastest: float) -> type[Effect]:
-    """Return an overflow whose level lies within the log's range, and which is no faster than a sample."""
-    low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
-    changed = []
-    for p in effect.parameters:
-        if p.name == "level":
-            edge = 0.02 * (high - low)
-            p = replace(p, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
-        if p.name == "coefficient":
-            p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))
-        changed.append(p)
-    return effect.narrowed(parameters=changed)
+        scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **_head(signal, survey, state))
+        enters, at = ("input", through) if through else ("state", state)
+        place = Place(name, "chamber", enters, at, scales, unit, signal, {"pressure": state})
+        domain = "temperature" if _temperature(signal) else "store"
+        for effect_name, effect in _effects_at("chamber"):
+            if effect.domain != domain:
+                continue
+            into = ""
+            if issubclass(effect, PortOverflow):
+                low = survey.lows[state]
+                levels_there = (x * scales.pressure + scales.offset for x in (low, survey.highs.get(state, low + span)))
+                fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
+                effect, into = effect.within(*levels_there, fastest), "" if through else survey.feeds.get(state, "")
+            yield replace(place.placed(effect_name, effect, () if into else ("returned",)), into=into)
 
 
 def _temperature(unit: str) -> Unit | None:
@@ -272,8 +239,7 @@ def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
 def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
     """Return an effect that acts in the units of its port, without the bounds of a bench or log."""
     kind, cls = port_effects()[name]
-    hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
-    known = (powers(cls, hook) if kind != "chamber" else None) or {}
+    known = powers_at(kind, cls)
     return Placement(f"{name}@{where}", name, where, cls, kind, where, {}, Scales(), known).made(values)
 
 
