@@ -47,6 +47,10 @@ _UNITS = {"-": "dimensionless", "m^3": "m³", "m^3/(s Pa)": "m³/(s Pa)", "N s^2
 def explain(effect: type[Any]) -> None:
     """Complete the docstring of an effect of the library: parameters, the source that it names, and an example."""
     doc, p = Docstring(effect.__doc__), effect.parameters[0]
+    laws = (Docstring(base.__doc__).head for base in effect.__mro__[1:])
+    law = next((head for head in laws if ".. math::" in head), "")
+    if "math::" not in doc.head:  # that of the law, wherever it acts
+        doc.head += law[law.find("\n\n") :] if law else ""
     said = [f"``{q.name}`` {q.description} ({_UNITS.get(q.unit, q.unit)})" for q in effect.parameters]
     doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(said)}.")
     if cited := [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]:

@@ -26,12 +26,13 @@ contraction ratio and velocity its rate; for the joint, angle and angular veloci
 
 from __future__ import annotations
 
+import copy
 from abc import ABC
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -267,14 +268,8 @@ class Effect(ABC):
                 f"all of {', '.join(known)}, in the units of the system",
                 "Give each parameter of the effect, and no other.",
             )
-        effect = cls()
-        for name, value in values.items():
-            p = known[name]
-            if p.unit != "-" or p.position:
-                p = p.of_any_size()
-            effect.values[name] = checked_value(cls.name, p, value)
-            setattr(effect, name, effect.values[name])
-        return effect
+        sized = {n: p.of_any_size() if p.unit != "-" or p.position else p for n, p in known.items()}
+        return cls().unchecked(**{name: checked_value(cls.name, sized[name], v) for name, v in values.items()})
 
     def __repr__(self) -> str:
         units = {p.name: p.unit for p in self.parameters}
@@ -295,6 +290,14 @@ class Effect(ABC):
     def replace(self, **values: float) -> Effect:
         """Return the same effect with some values changed."""
         return type(self)(**{**self.values, **values})
+
+    def unchecked(self, **values: float) -> Self:
+        """Return a copy with some values, also beyond their bounds."""
+        out = copy.copy(self)
+        out.values = {**self.values, **values}
+        for name, value in values.items():
+            setattr(out, name, value)
+        return out
 
     # --- memory ---------------------------------------------------------------------------------------------
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
@@ -393,6 +396,10 @@ class Effect(ABC):
         """Return whether most of it does not relax within a run of this length: it is a spring there."""
         return False
 
+    def push(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the addition to what moves a port with a position: force (N) and torque (N m)."""
+        return self.force(s, x, plant) + self.torque(s, x, plant)
+
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the addition to the flow into the muscle, kg/s, as a + b Ṗ."""
         return FlowTerm(0.0, 0.0)
@@ -400,6 +407,10 @@ class Effect(ABC):
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command that the valve follows when it is given ``u``."""
         return u
+
+    def passed(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what an input becomes that is given ``u``: as a command, or as a sensor would read it."""
+        return self.measure(self.command(u, s, x, plant), x)
 
     def supply(self, P_supply: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the pressure at the valve's inlet, Pa absolute, where the nominal one is ``P_supply``."""

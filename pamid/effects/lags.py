@@ -16,7 +16,15 @@ SECOND = parameter("-", 0.0, 1.0, 0.0, "second lag as a share of the first")
 
 
 class _Lag(OnSignal):
-    """A reading that follows with a lag, of second order with a second one: ``time_constant``, ``second``."""
+    r"""A reading that follows with a lag, of second order with a second one.
+
+    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = y - x, \qquad
+        \tau_2\,\frac{\mathrm{d}y'}{\mathrm{d}t} = x - y', \qquad
+        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
+
+    with the true value y, the reading y', the time constant τ and the second lag s as a share of the first: 0 for a lag
+    of first order.
+    """
 
     time_constant: float
     second: float
@@ -54,18 +62,7 @@ class _Lag(OnSignal):
 
 
 class PressureLag(_Lag, OfPressure):
-    r"""A pressure sensor that lags.
-
-    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = P - x, \qquad
-        \tau_2\,\frac{\mathrm{d}P'}{\mathrm{d}t} = x - P', \qquad
-        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ, time constant of sensor and tube (s); ``second`` s, its second lag as a share of the first
-        (dimensionless): 0 for a lag of first order.
-    """
+    """A pressure sensor that lags."""
 
     name = "pressure_lag"
     time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of sensor and tube")
@@ -73,18 +70,7 @@ class PressureLag(_Lag, OfPressure):
 
 
 class ForceLag(_Lag, OfForce):
-    r"""A load cell behind a slow amplifier.
-
-    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = F - x, \qquad
-        \tau_2\,\frac{\mathrm{d}F'}{\mathrm{d}t} = x - F', \qquad
-        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ, time constant of the amplifier (s); ``second`` s, its second lag as a share of the first
-        (dimensionless): 0 for a lag of first order.
-    """
+    """A load cell behind a slow amplifier."""
 
     name = "force_lag"
     time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of the sensor")
@@ -92,18 +78,7 @@ class ForceLag(_Lag, OfForce):
 
 
 class FlowLag(_Lag, OfFlow):
-    r"""A flow meter that lags.
-
-    .. math:: \tau_1\,\frac{\mathrm{d}x}{\mathrm{d}t} = \dot m - x, \qquad
-        \tau_2\,\frac{\mathrm{d}\dot m'}{\mathrm{d}t} = x - \dot m', \qquad
-        \tau_1 + \tau_2 = \tau, \qquad \tau_2 = s\,\tau_1
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ, time constant of the meter (s); ``second`` s, its second lag as a share of the first
-        (dimensionless): 0 for a lag of first order.
-    """
+    """A flow meter that lags."""
 
     name = "flow_lag"
     time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of the meter")

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ImplausibleParameterError, SimulatorTypeError
+from ..explained import explained_by
 
 _ABOVE_0 = sys.float_info.min
 MOST_PERIODS = 40
@@ -150,19 +151,12 @@ class Parameter:
         return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
 
 
+@explained_by(Parameter)
 def parameter(unit: str, lower: float, upper: float, nominal: float, description: str, **properties: Any) -> Any:
     """Return a parameter as an attribute of the class of its effect, from which it takes its name.
 
     Parameters
     ----------
-    unit : str
-        Its unit, ``"-"`` for a plain number.
-    lower, upper : float
-        Physical bounds.
-    nominal : float
-        A typical value.
-    description : str
-        What it is, in a few words.
     **properties : bool or float or str
         Further properties of a `Parameter`, such as ``linear=True``.
 

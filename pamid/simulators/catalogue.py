@@ -212,9 +212,9 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
             into = ""
             if issubclass(effect, PortOverflow):
                 low = survey.lows[state]
-                levels_there = (x * scales.pressure + scales.offset for x in (low, survey.highs.get(state, low + span)))
+                bottom, top = (x * scales.pressure + scales.offset for x in (low, survey.highs.get(state, low + span)))
                 fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
-                effect, into = effect.within(*levels_there, fastest), "" if through else survey.feeds.get(state, "")
+                effect, into = effect.within(bottom, top, fastest), "" if through else survey.feeds.get(state, "")
             yield replace(place.placed(effect_name, effect, () if into else ("returned",)), into=into)
 
 
