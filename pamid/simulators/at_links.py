@@ -11,7 +11,7 @@ from ..effects.backlash import Play
 from ..effects.leakage import Passage
 from .links import Link
 from .placement import Placement, Scales
-from .placing import GAP, STRAIN, Place, follows_motion, hidden_of
+from .placing import GAP, STRAIN, PortPlace, follows_motion, hidden_of
 from .reciprocity import factor_of
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
             ambient = {p.name: p.nominal for p in effect.parameters}.get("ambient", 0.0)
             head = {"pressure": factor_of(link.first.unit), "offset": ambient}
         scales = Scales(scale, survey.time, size / GAP["force" if motion else "flow"] or 1.0, **head)
-        place = Place(
+        place = PortPlace(
             link.name, "joint" if motion else "chamber", "link", link.first.state, scales, link.unit, link.first.unit,
             link.follows, range_of=span / scale,
             speed=scales.speed(survey.spans.get(link.follows.get("velocity", ""), 0.0)),

@@ -20,7 +20,7 @@ from .base import Simulator
 from .dimensions import powers
 from .of_parameters import at_parameters
 from .placement import Placement, Scales
-from .placing import GAP, PASCAL, STRAIN, Place, follows_motion, hidden_of, powers_at
+from .placing import GAP, PASCAL, STRAIN, PortPlace, follows_motion, hidden_of, powers_at
 from .sizes import SignalSizes
 from .structure import rate_unit
 
@@ -129,7 +129,7 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
             continue
         scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
         reach = survey.tops.get(port.name, span)
-        place = Place(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
+        place = PortPlace(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
         turns = survey.turns(port.name)
         for name, effect in _effects_at("input"):
             simple = [p.name for p in effect.parameters if (p.share and p.nominal == 0.0) or (p.skew and not turns)]
@@ -144,7 +144,7 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
         reach, least = survey.tops.get(port, span), (1.0 - NEAR_END) * end
-        place = Place(port, "output", "output", port, scales, unit, unit, reach=reach, least=least)
+        place = PortPlace(port, "output", "output", port, scales, unit, unit, reach=reach, least=least)
         for name, effect in _effects_at("output"):
             if issubclass(effect, ReadingRange):
                 side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
@@ -173,7 +173,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
-            place = Place(
+            place = PortPlace(
                 joint.name, "joint", enters, at, scales, joint.unit, unit,
                 {"position": position, "velocity": joint.velocity}, range_of=span / scale,
                 speed=scales.speed(survey.spans.get(joint.velocity, 0.0)), interval=survey.interval,
@@ -204,7 +204,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
             size, unit = size / push, simulator.port(through).unit
         scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **_head(signal, survey, state))
         enters, at = ("input", through) if through else ("state", state)
-        place = Place(name, "chamber", enters, at, scales, unit, signal, {"pressure": state})
+        place = PortPlace(name, "chamber", enters, at, scales, unit, signal, {"pressure": state})
         domain = "temperature" if _temperature(signal) else "store"
         for effect_name, effect in _effects_at("chamber"):
             if effect.domain != domain:

@@ -24,7 +24,7 @@ QUARTER = 0.5 * np.pi
 
 
 @dataclass(frozen=True)
-class Place:
+class PortPlace:
     """Where effects of one kind act: a port, or two, its units, and what a log resolves there."""
 
     port: str
