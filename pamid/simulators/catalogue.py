@@ -159,7 +159,9 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
         span = survey.spans.get(position, 0.0)
         if not span > 0.0:
             continue
-        unit = simulator.port(joint.position).unit if joint.position else _travel(simulator.port(joint.velocity).unit)
+        unit = simulator.port(joint.position or joint.velocity).unit
+        if not joint.position:
+            unit = unit.removesuffix("/s") or "-"
         size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
         if joint.through:
             size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
@@ -183,10 +185,6 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
                 low = survey.lows[joint.position] / scale
                 made = replace(made, effect=effect.within(low, low + span / scale))
             yield made
-
-
-def _travel(unit: str) -> str:
-    return unit.removesuffix("/s") or "-"
 
 
 def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
