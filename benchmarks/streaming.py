@@ -21,7 +21,7 @@ from pamid.bench import BenchParameters, simulate, unfold
 from pamid.bench.references import multisine
 from pamid.checkpoint import Checkpoint
 from pamid.effects.base import FlowTerm, Signals
-from pamid.effects.coulomb_friction import CoulombFriction
+from pamid.effects.dry_friction import CoulombFriction
 from pamid.effects.leakage import Leakage
 from pamid.effects.values import Parameter
 from pamid.laws.quasi_static import QuasiStaticForce

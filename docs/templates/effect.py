@@ -7,7 +7,7 @@ import numpy as np
 from ..signals.state import Array
 from .base import Effect, Signals
 from .plant import Plant
-from .values import Parameter
+from .values import parameter
 
 
 class MyEffect(Effect):
@@ -24,8 +24,7 @@ class MyEffect(Effect):
     equations = ("force",)
     roles = ("position", "velocity")
     source = "your source, a DOI if there is one"
-    parameters = (Parameter("drag", "N s²", 0.0, 1e4, 20.0, "force at a contraction of 1 in a second", linear=True),)
-    drag: float
+    drag = parameter("N s²", 0.0, 1e4, 20.0, "force at a contraction of 1 in a second", linear=True)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −c |v| v, N."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..effects import Effect, Signals
-from ..effects._sensor import ROLE
+from ..effects._places import ROLE
 from ..effects.spec import EffectLike, as_effects
 from ..errors import DivergedError, ParameterError, TrajectoryError
 from .antagonist import Antagonist

@@ -47,10 +47,17 @@ _UNITS = {"-": "dimensionless", "m^3": "m³", "m^3/(s Pa)": "m³/(s Pa)", "N s^2
 def explain(effect: type[Any]) -> None:
     """Complete the docstring of an effect of the library: parameters, the source that it names, and an example."""
     doc, p = Docstring(effect.__doc__), effect.parameters[0]
+    laws = (Docstring(base.__doc__).head for base in effect.__mro__[1:])
+    law = next((head for head in laws if ".. math::" in head), "")
+    if "math::" not in doc.head:  # that of the law, wherever it acts
+        doc.head += law[law.find("\n\n") :] if law else ""
     said = [f"``{q.name}`` {q.description} ({_UNITS.get(q.unit, q.unit)})" for q in effect.parameters]
     doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(said)}.")
     if cited := [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]:
         doc.sections.setdefault("References", cited[0])
-    example = f'>>> make_effect("{effect.name}", {p.name}={p.nominal:g})\n{effect()!r}'
-    doc.sections.setdefault("Examples", f">>> from pamid.effects import make_effect\n{example}")
+    home, made, first = "pamid.effects", "make_effect", f'"{effect.name}", '
+    if "name" not in vars(effect):  # of ports alone
+        home, made, first = effect.__module__, effect.__name__, ""
+    example = f">>> {made}({first}{p.name}={p.nominal:g})\n{effect()!r}"
+    doc.sections.setdefault("Examples", f">>> from {home} import {made}\n{example}")
     effect.__doc__ = str(doc)

@@ -8,7 +8,6 @@ that a search goes over the few θ alone.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -83,15 +82,6 @@ def of_causes(
     return held, left
 
 
-def changed(effect: Effect, **values: float) -> Effect:
-    """Return a copy with some values, also beyond their bounds: a term is linear there."""
-    out = copy.copy(effect)
-    out.values = {**effect.values, **values}
-    for name, value in values.items():
-        setattr(out, name, value)
-    return out
-
-
 def restored(effects: Sequence[Effect], log: WholeLog) -> WholeLog:
     """Return the log with the muscle's pressure and its rate in place of the sensor's readings."""
     s = log.signals
@@ -114,13 +104,13 @@ def terms_of(effects: Sequence[Effect], equation: str, log: WholeLog, plant: Pla
         if equation not in effect.hooks():
             continue
         linear = [p for p in effect.parameters if p.linear]
-        none = changed(effect, **{p.name: 0.0 for p in linear})
+        none = effect.unchecked(**{p.name: 0.0 for p in linear})
         x = effect.trace(log.signals, plant, log.dt, log.starts) if effect.n_states else np.zeros((0,))
         base = added(none, equation, log.signals, x, plant)
         offset = offset + base
         for p in linear:
             unit = p.nominal or 1e-3 * p.upper
-            one = added(changed(none, **{p.name: unit}), equation, log.signals, x, plant)
+            one = added(none.unchecked(**{p.name: unit}), equation, log.signals, x, plant)
             columns.append((one - base) / unit + np.zeros(n))
             of.append((i, p))
             memory.append(bool(effect.n_states) and p.position == 0)
@@ -153,7 +143,7 @@ def fit_effects(
         out = list(effects)
         for v, (i, p), width in zip(u, free, scale, strict=True):
             value = p.lower + v * width if p.lower <= 0 else p.lower * np.exp(v * width)
-            out[i] = changed(out[i], **{p.name: float(np.clip(value, p.lower, p.upper))})
+            out[i] = out[i].unchecked(**{p.name: float(np.clip(value, p.lower, p.upper))})
         return out
 
     def solved(now: list[Effect]) -> tuple[list[Effect], np.ndarray]:
@@ -207,5 +197,5 @@ def _weighted(
     w = lsq_linear(stacked, np.append(target[counted], np.zeros(len(names))), bounds=(lower, upper)).x / size
     out = list(effects)
     for (i, name), value in zip(names, w, strict=True):
-        out[i] = changed(out[i], **{name: float(np.clip(value, known[i, name].lower, known[i, name].upper))})
+        out[i] = out[i].unchecked(**{name: float(np.clip(value, known[i, name].lower, known[i, name].upper))})
     return out, target - A @ w

@@ -26,12 +26,13 @@ contraction ratio and velocity its rate; for the joint, angle and angular veloci
 
 from __future__ import annotations
 
+import copy
 from abc import ABC
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -152,11 +153,11 @@ class Effect(ABC):
 
     Examples
     --------
-    >>> from pamid.effects import Effect, Parameter
+    >>> from pamid.effects import Effect, parameter
     >>> class Preload(Effect):
     ...     'A constant tension.'
     ...     name, family, equations, source = "preload", "elasticity", ("force",), "own measurement"
-    ...     parameters = (Parameter("tension", "N", 0.0, 50.0, 5.0, "tension of the springs", linear=True),)
+    ...     tension = parameter("N", 0.0, 50.0, 5.0, "tension of the springs", linear=True)
     ...     def force(self, s, x, plant):
     ...         return self.tension
     >>> Preload(tension=8)
@@ -171,7 +172,7 @@ class Effect(ABC):
     equations: ClassVar[tuple[str, ...]]
     """Equations that change, of `EQUATIONS`; for a sensor those that read it."""
     parameters: ClassVar[tuple[Parameter, ...]]
-    """Parameters, in order."""
+    """Parameters, in order: by default the attributes that are one, after those of the base that are not restated."""
     source: ClassVar[str]
     """DOI or standard."""
     roles: ClassVar[tuple[str, ...]] = ()
@@ -209,8 +210,13 @@ class Effect(ABC):
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
+        if "parameters" not in cls.__dict__:
+            cls._collect_parameters()
+        whole = cls.__doc__ and getattr(cls, "parameters", None) and not cls.__name__.startswith("_")
+        if whole and cls.__module__.startswith("pamid.effects."):
+            explain(cls)
         if "name" not in cls.__dict__:
-            return  # a shared base, not an effect of its own
+            return  # a shared base, or of ports alone
         present = Effect.registry.get(cls.name)
         if present is not None and (present.__module__, present.__qualname__) != (cls.__module__, cls.__qualname__):
             raise ParameterError(
@@ -219,8 +225,23 @@ class Effect(ABC):
                 "Choose another name.",
             )
         Effect.registry[cls.name] = cls
-        if cls.__doc__ and cls.__module__.startswith("pamid.effects."):
-            explain(cls)
+
+    @classmethod
+    def _collect_parameters(cls) -> None:
+        """Name the parameters among the attributes; a base's one that is a number here is fixed at it."""
+        own = {name: replace(p, name=name) for name, p in vars(cls).items() if isinstance(p, Parameter)}
+        inherited = getattr(cls, "parameters", ())
+        if own or any(p.name in vars(cls) for p in inherited):
+            cls.parameters = (*(p for p in inherited if p.name not in vars(cls)), *own.values())
+
+    @classmethod
+    def narrowed(
+        cls, hidden: Collection[str] = (), parameters: Sequence[Parameter] | None = None, **changes: Any
+    ) -> type[Effect]:
+        """Return it with some parameters fixed at their nominal values, or bounded anew, and other attributes."""
+        kept = tuple(p for p in parameters or cls.parameters if p.name not in hidden)
+        fixed = {p.name: p.nominal for p in cls.parameters if p.name in hidden}
+        return type(cls.__name__, (cls,), {"parameters": kept, **fixed, **changes})
 
     def __init__(self, **values: float) -> None:
         known = {p.name: p for p in self.parameters}
@@ -246,18 +267,13 @@ class Effect(ABC):
                 f"all of {', '.join(known)}, in the units of the system",
                 "Give each parameter of the effect, and no other.",
             )
-        effect = cls()
-        for name, value in values.items():
-            p = known[name]
-            if p.unit != "-" or p.position:
-                p = p.of_any_size()
-            effect.values[name] = checked_value(cls.name, p, value)
-            setattr(effect, name, effect.values[name])
-        return effect
+        sized = {n: p.of_any_size() if p.unit != "-" or p.position else p for n, p in known.items()}
+        return cls().unchecked(**{name: checked_value(cls.name, sized[name], v) for name, v in values.items()})
 
     def __repr__(self) -> str:
         units = {p.name: p.unit for p in self.parameters}
-        return f"{self.name}({', '.join(f'{k}={v:g} {units[k]}'.removesuffix(' -') for k, v in self.values.items())})"
+        values = [f"{k}={v:g} {units[k]}".removesuffix(" -") for k, v in self.values.items()]
+        return f"{self.name or type(self).__name__}({', '.join(values)})"
 
     def __eq__(self, other: object) -> bool:
         return type(self) is type(other) and isinstance(other, Effect) and self.values == other.values
@@ -273,6 +289,14 @@ class Effect(ABC):
     def replace(self, **values: float) -> Effect:
         """Return the same effect with some values changed."""
         return type(self)(**{**self.values, **values})
+
+    def unchecked(self, **values: float) -> Self:
+        """Return a copy with some values, also beyond their bounds."""
+        out = copy.copy(self)
+        out.values = {**self.values, **values}
+        for name, value in values.items():
+            setattr(out, name, value)
+        return out
 
     # --- memory ---------------------------------------------------------------------------------------------
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
@@ -371,6 +395,10 @@ class Effect(ABC):
         """Return whether most of it does not relax within a run of this length: it is a spring there."""
         return False
 
+    def push(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the addition to what moves a port with a position: force (N) and torque (N m)."""
+        return self.force(s, x, plant) + self.torque(s, x, plant)
+
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the addition to the flow into the muscle, kg/s, as a + b Ṗ."""
         return FlowTerm(0.0, 0.0)
@@ -378,6 +406,10 @@ class Effect(ABC):
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command that the valve follows when it is given ``u``."""
         return u
+
+    def passed(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return what an input becomes that is given ``u``: as a command, or as a sensor would read it."""
+        return self.measure(self.command(u, s, x, plant), x)
 
     def supply(self, P_supply: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the pressure at the valve's inlet, Pa absolute, where the nominal one is ``P_supply``."""

@@ -1,14 +1,45 @@
-"""Rate-independent hysteresis with memory."""
+"""Hysteresis that does not depend on the speed: Bouc-Wen, Maxwell slip, Prandtl-Ishlinskii."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from ..signals.paths import Path
 from ..signals.state import Array
-from ._memory import bouc_wen
+from ._memory import RATIOS, bouc_wen, stopped, stops_along, stops_force
+from ._places import OfCommand, OnSignal
 from .base import Effect, Signals
 from .plant import Plant
-from .values import Parameter
+from .values import parameter
+
+
+class _Stops(OnSignal):
+    """Elastic stops of three widths, the elements of a Prandtl–Ishlinskii operator, moved by a signal."""
+
+    family = "hysteresis"
+    n_states = len(RATIOS)
+    narrow: float
+    middle: float
+    wide: float
+    width: float
+
+    @property
+    def weights(self) -> tuple[float, float, float]:
+        """Weights of the elements."""
+        return self.narrow, self.middle, self.wide
+
+    def start(self, s: Signals, plant: Plant, dt: float) -> Array:
+        """Return stops in the middle of their range."""
+        return np.zeros((len(RATIOS), *np.shape(self.signal(s))))
+
+    def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
+        """Move the stops by the change between the two instants."""
+        return stopped(x, self.signal(s1) - self.signal(s0), self.width)
+
+    def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
+        """Return the stops along each run, without a loop over time."""
+        return stops_along(self.signal(s), self.width, starts)
+
 
 _ELEMENTS = np.arange(-2, 3) / np.sqrt(2.0)
 """Where the elements lie, in standard deviations of the logarithm of their displacements."""
@@ -47,27 +78,13 @@ class Hysteresis(Effect):
     source = "10.1007/s11831-009-9031-8"
     n_states = 2 * len(_ELEMENTS)
     path_dependent = True
-    parameters = (
-        Parameter("amplitude", "N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True),
-        Parameter("slip", "N", 0.0, 1e4, 0.0, "the same of the Maxwell-slip elements", linear=True),
-        Parameter(
-            "displacement",
-            "-",
-            1e-3,
-            0.5,
-            0.01,
-            "displacement over which the force goes over",
-            essential=True,
-            position=1,
-        ),
-        Parameter("shape", "-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl"),
-        Parameter("spread", "-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements"),
+    amplitude = parameter("N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True)
+    slip = parameter("N", 0.0, 1e4, 0.0, "the same of the Maxwell-slip elements", linear=True)
+    displacement = parameter(
+        "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True, position=1
     )
-    amplitude: float
-    slip: float
-    displacement: float
-    shape: float
-    spread: float
+    shape = parameter("-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl")
+    spread = parameter("-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements")
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return the state of the middle of the loop."""
@@ -88,3 +105,116 @@ class Hysteresis(Effect):
         """Return the force of both kinds of elements against the motion, N."""
         half = len(_ELEMENTS)
         return -self.amplitude * x[:half].mean(axis=0) - self.slip * x[half:].mean(axis=0)
+
+
+class PrandtlIshlinskii(_Stops):
+    r"""Prandtl–Ishlinskii operator: elastic stops of three widths, whose weights may change with the position.
+
+    .. math:: \Delta y = -\sum_{i=1}^{3} (w_i + v_i\,x)\,z_i, \qquad
+        z_i = \frac{x - \mathrm{play}_{r_i}(x)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
+
+    The position x of a piezo stage is the voltage that drives it.
+
+    Parameters
+    ----------
+    **values : float
+        ``narrow``, ``middle``, ``wide`` w (N), ``narrow_slope``, ``middle_slope``, ``wide_slope`` v (N per unit of
+        the position), ``width`` r of the middle stop (unit of the position).
+    """
+
+    name = "prandtl_ishlinskii"
+    equations = ("force",)
+    of = "position"
+    roles = ("position",)
+    kinds = ("actuator",)
+    prior = -2.0  # elements alike, or spread evenly, are the simpler model
+    source = "10.3166/ejc.9.407-418"
+    path_dependent = True
+    narrow = parameter("N", -1e3, 1e4, 2.0, "weight of the narrow stop", linear=True)
+    middle = parameter("N", -1e3, 1e4, 2.0, "weight of the middle stop", linear=True)
+    wide = parameter("N", -1e3, 1e4, 2.0, "weight of the wide stop", linear=True)
+    narrow_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
+    middle_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
+    wide_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
+    width = parameter("-", 3e-3, 0.035, 0.03, "displacement over which the middle stop turns over", position=1)
+
+    def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
+        """Return the stops along a path, without a loop over its turns."""
+        return stops_along(path.position, self.width, path.starts)
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the force of the stops, N."""
+        slopes = (self.narrow_slope, self.middle_slope, self.wide_slope)
+        return stops_force(x, self.weights, slopes, s.position)
+
+
+class PressureHysteresis(_Stops):
+    r"""Prandtl–Ishlinskii operator in the pressure: braid and bladder resist both filling and venting.
+
+    .. math:: \Delta F = -\sum_{i=1}^{3} (w_i + v_i\,\varepsilon)\,z_i, \qquad
+        z_i = \frac{P - \mathrm{play}_{r_i}(P)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
+
+    with elastic stops z in [−1, 1]. Their weights may change with the contraction.
+
+    Parameters
+    ----------
+    **values : float
+        ``narrow``, ``middle``, ``wide`` w (N), ``narrow_growth``, ``middle_growth``, ``wide_growth`` v (N per
+        contraction), ``width`` r of the middle stop (Pa).
+
+    References
+    ----------
+    T. Vo-Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "A new approach to modeling hysteresis in a pneumatic
+    artificial muscle using the Maxwell-slip model", IEEE/ASME Transactions on Mechatronics 16(1), 2011.
+    https://doi.org/10.1109/TMECH.2009.2038373
+    """
+
+    name = "pressure_hysteresis"
+    equations = ("force",)
+    of = "pressure"
+    roles = ("position", "pressure")
+    kinds = ("muscle",)
+    source = "10.1109/TMECH.2009.2038373"
+    narrow = parameter("N", -1e3, 1e4, 0.0, "weight of the narrow stop", linear=True)
+    middle = parameter("N", -1e3, 1e4, 5.0, "weight of the middle stop", linear=True)
+    wide = parameter("N", -1e3, 1e4, 0.0, "weight of the wide stop", linear=True)
+    narrow_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
+    middle_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
+    wide_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
+    width = parameter("Pa", 1e4, 2e5, 1e5, "pressure over which the middle stop goes from one end to the middle")
+
+    def force(self, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the force of the stops, N."""
+        growths = (self.narrow_growth, self.middle_growth, self.wide_growth)
+        return stops_force(x, self.weights, growths, s.position)
+
+
+class ActuatorHysteresis(_Stops, OfCommand):
+    r"""Prandtl–Ishlinskii operator in the command: a piezo or a magnet lags behind its drive at any speed.
+
+    .. math:: u' = u - \sum_{i=1}^{3} w_i\, r_i\, z_i, \qquad
+        z_i = \frac{u - \mathrm{play}_{r_i}(u)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
+
+    with elastic stops z in [−1, 1].
+
+    Parameters
+    ----------
+    **values : float
+        ``narrow``, ``middle``, ``wide`` w (share of a change of the command that is held back until the stop slips),
+        ``width`` r of the middle stop (unit of the command).
+    """
+
+    name = "actuator_hysteresis"
+    kinds = ("motor",)
+    prior = -2.0  # one play, or a lag, is the simpler model
+    source = "10.3166/ejc.9.407-418"
+    sampled = True
+    narrow = parameter("-", -1.0, 1.0, 0.1, "share that the narrow stop holds back", linear=True)
+    middle = parameter("-", -1.0, 1.0, 0.1, "share that the middle stop holds back", linear=True)
+    wide = parameter("-", -1.0, 1.0, 0.1, "share that the wide stop holds back", linear=True)
+    width = parameter("-", 0.01, 0.6, 0.2, "change of the command over which the middle stop slips")
+
+    def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
+        """Return the command less the output of the stops."""
+        held = sum(w * ratio * z for w, ratio, z in zip(self.weights, RATIOS, x, strict=True))
+        return u - self.width * held

@@ -1,12 +1,14 @@
-"""A muscle that leaks."""
+"""Leaks: through an orifice to the surroundings, through a gap or pipe between two chambers."""
 
 from __future__ import annotations
+
+from typing import ClassVar
 
 from ..laws.valve import flow_function
 from ..signals.state import Array
 from .base import Effect, FlowTerm, Signals
 from .plant import Plant
-from .values import Parameter
+from .values import parameter
 
 
 class Leakage(Effect):
@@ -20,12 +22,50 @@ class Leakage(Effect):
     equations = ("flow",)
     roles = ("pressure",)
     source = "ISO 6358-1:2013"
-    parameters = (
-        Parameter("conductance", "m^3/(s Pa)", 0.0, 1e-7, 1e-10, "sonic conductance of the leak", linear=True),
-    )
-    conductance: float
+    conductance = parameter("m^3/(s Pa)", 0.0, 1e-7, 1e-10, "sonic conductance of the leak", linear=True)
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that leaks, kg/s."""
         psi = flow_function(plant.atmospheric_pressure / s.pressure, plant.critical_pressure_ratio)
         return FlowTerm(self.conductance * plant.reference_density * s.pressure * psi, 0.0)
+
+
+class PortLeakage(Leakage):
+    r"""Loss of what is stored: through a narrow gap or a resistance in proportion to it, through a hole to its root.
+
+    .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n, \qquad \tfrac12 \le n \le 1
+
+    with one unit of the port for :math:`x_1`; of a gas as in `Leakage`.
+
+    References
+    ----------
+    F. M. White, "Fluid Mechanics", 7th ed., McGraw-Hill, 2011, sections 3.5 (Torricelli) and 6.4 (laminar flow).
+    """
+
+    exponent = parameter("-", 0.5, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole")
+    unit_size: ClassVar[float] = 1.0
+    """Size of one unit of the port, Pa."""
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
+        """Return what leaks."""
+        a, b = super().flow(s, x, plant)
+        return FlowTerm(a if self.exponent == 1.0 else a * (s.pressure / self.unit_size) ** (self.exponent - 1.0), b)
+
+
+class Passage(Effect):
+    r"""A gap or pipe with a flow proportional to the pressure difference: :math:`q = G\,(P_1 - P_2)`.
+
+    References
+    ----------
+    H. E. Merritt, "Hydraulic Control Systems", Wiley, 1967, section 3.2 (leakage through clearances).
+    """
+
+    family = "gas"
+    equations = ()
+    roles = ("pressure",)
+    source = "Merritt, Hydraulic Control Systems, 1967"
+    conductance = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-9, "flow per difference", linear=True)
+
+    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
+        """Return the flow."""
+        return FlowTerm(-self.conductance * s.pressure, 0.0)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..errors import ImplausibleParameterError, SimulatorTypeError
+from ..explained import explained_by
 
 _ABOVE_0 = sys.float_info.min
 MOST_PERIODS = 40
@@ -148,6 +149,31 @@ class Parameter:
     def skew(self) -> bool:
         """Whether it is the difference of an effect between two directions, 0 for none."""
         return (self.unit, self.nominal) == ("-", 0.0) and self.lower == -self.upper and not self.linear
+
+
+@explained_by(Parameter)
+def parameter(unit: str, lower: float, upper: float, nominal: float, description: str, **properties: Any) -> Any:
+    """Return a parameter as an attribute of the class of its effect, from which it takes its name.
+
+    Parameters
+    ----------
+    **properties : bool or float or str
+        Further properties of a `Parameter`, such as ``linear=True``.
+
+    Returns
+    -------
+    Parameter
+        The parameter, for a type checker a value of it: that is what instances have.
+
+    Examples
+    --------
+    >>> from pamid.effects import Effect, parameter
+    >>> class Pin(Effect):
+    ...     friction = parameter("N m", 0.0, 10.0, 0.1, "torque of the bearing", linear=True)
+    >>> Pin.parameters[0].name, Pin(friction=0.2).friction
+    ('friction', 0.2)
+    """
+    return Parameter("", unit, lower, upper, nominal, description, **properties)
 
 
 def checked_value(effect: str, p: Parameter, value: Any, units: str = "all units are SI") -> float:

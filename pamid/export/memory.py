@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects._terms import added, changed
+from ..effects._terms import added
 from ..effects.base import Effect, Signals
 from ..effects.plant import Plant
 from ..errors import ExportError
@@ -109,12 +109,12 @@ class Tracer:
             for effect in self.effects:
                 if equation not in effect.hooks() or not effect.n_states:
                     continue
-                none = changed(effect, **{p.name: 0.0 for p in effect.parameters if p.linear})
+                none = effect.unchecked(**{p.name: 0.0 for p in effect.parameters if p.linear})
                 base = self.added(none, equation)
                 for p in effect.parameters:
                     if p.linear and p.position == 0 and (effect.name, p.name) not in found:
                         unit = p.nominal or 1e-3 * p.upper
-                        term = (self.added(changed(none, **{p.name: unit}), equation) - base) / unit
+                        term = (self.added(none.unchecked(**{p.name: unit}), equation) - base) / unit
                         found[effect.name, p.name] = as_symbol(term)
         return list(found.values())
 

@@ -7,16 +7,19 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect
-from .dimensions import unit_powers
-from .laws_between import ONE_BODY, Passage, Play
+from ..effects.backlash import Play
+from ..effects.leakage import Passage
 from .links import Link
-from .placement import Placement, Scales, narrowed
-from .placing import GAP, STRAIN, follows_motion
-from .placing import placed as place_at
+from .placement import Placement, Scales
+from .placing import GAP, STRAIN, PortPlace, follows_motion, hidden_of
 from .reciprocity import factor_of
 
 if TYPE_CHECKING:
     from .sizes import SignalSizes
+
+
+ONE_BODY = ("load", "drive")
+"""Families of effects of a load on one end, or of its drive: they make no sense between two."""
 
 
 def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type[Effect]]]) -> list[Placement]:
@@ -29,13 +32,13 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
     found = []
     for name, (kind, one_port) in known.items():
         effect = Passage if name == "leakage" else one_port
-        scale, hidden, head = 1.0, tuple(p.name for p in effect.parameters if "Pa" in unit_powers(p.unit)), {}
         if kind not in (("joint", "link") if motion else ("chamber",)) or effect.family in ONE_BODY:
             continue
+        scale, head = 1.0, {}
         if motion:
             if not follows_motion(effect) or name == ("spring" if link.stiffness else "backlash"):
                 continue
-            scale = span / STRAIN
+            scale, hidden = span / STRAIN, hidden_of(effect, neutral=False)
         elif effect.domain != link.domain or name == "overflow":
             continue
         else:
@@ -43,17 +46,16 @@ def at_link(link: Link, survey: SignalSizes, known: Mapping[str, tuple[str, type
             ambient = {p.name: p.nominal for p in effect.parameters}.get("ambient", 0.0)
             head = {"pressure": factor_of(link.first.unit), "offset": ambient}
         scales = Scales(scale, survey.time, size / GAP["force" if motion else "flow"] or 1.0, **head)
-        follows = {r: s for r, s in link.follows.items() if r in effect.roles}
-        placed = place_at(
-            name, effect, link.name, "force" if motion else "flow", "link", link.first.state, follows, scales,
-            link.unit, link.first.unit, hidden, 0.0 if name == "quadratic_drag" else None, range_of=span / scale,
+        place = PortPlace(
+            link.name, "joint" if motion else "chamber", "link", link.first.state, scales, link.unit, link.first.unit,
+            link.follows, range_of=span / scale,
             speed=scales.speed(survey.spans.get(link.follows.get("velocity", ""), 0.0)),
         )  # fmt: skip
-        placed = replace(placed, link=link)
+        made = replace(place.placed(name, effect, hidden), link=link)
         if effect is Play:
             held, damped = link.stiffness * scale, link.damping * scale * survey.time
             own: dict[str, Any] = {"stiffness": held / scales.target, "damping": damped / scales.target}
-            bound = narrowed(effect, (), **own)
-            placed = replace(placed, effect=bound, powers={"half_width": 1}, units={"half_width": link.first.unit})
-        found.append(placed)
+            units = {"half_width": link.first.unit}
+            made = replace(made, effect=Play.narrowed(**own), powers={"half_width": 1}, units=units)
+        found.append(made)
     return found

@@ -3,31 +3,26 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from typing import ClassVar
-
-import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from ..effects import Effect, Parameter, all_effects
-from ..effects.base import FlowTerm, Signals
-from ..effects.leakage import Leakage
-from ..effects.output_saturation import OutputSaturation
-from ..effects.overflow import Overflow
-from ..effects.plant import Plant
+from ..effects import Effect, all_effects
+from ..effects.backlash import Play
+from ..effects.gas import PortOverflow
+from ..effects.leakage import PortLeakage
+from ..effects.limits import ReadingRange
+from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
+from ..effects.springs import LowerStop, Spring, UpperStop
 from ..errors import UnknownOptionError
-from ..signals.state import Array
 from ..signals.units import UNITS, Unit
 from .at_links import at_link
 from .base import Simulator
-from .dimensions import powers, unit_powers
-from .laws_between import LAWS
-from .of_parameters import OF_PARAMETERS, at_parameters
-from .placement import Placement, Scales, narrowed
-from .placing import GAP, PASCAL, STRAIN, follows_motion, placed
+from .dimensions import powers
+from .of_parameters import at_parameters
+from .placement import Placement, Scales
+from .placing import GAP, PASCAL, STRAIN, PortPlace, follows_motion, hidden_of, powers_at
 from .sizes import SignalSizes
-from .stops import STOPS
 from .structure import rate_unit
 
 _TOP = 5e5
@@ -35,82 +30,25 @@ _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|press
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
 EDGE = 0.02
-"""Share of a level's range within which it may be off zero, and its overflow off its ends."""
+"""Share of a level's range by which noise may take it below zero."""
 NEAR_END = 1e-3
 """Accuracy of the end of a sensor's range, as a share of it."""
 
 
-class PortOverflow(Overflow):
-    r"""Outflow above a level, a share of which enters the next chamber.
-
-    .. math:: \dot h = -c\,\max(h - h_o, 0), \qquad \dot h_\mathrm{next} = r\,c\,\max(h - h_o, 0)
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
-        *Overflow.parameters,
-        Parameter("returned", "-", 0.0, 1.0, 0.0, "share that runs on"),
-    )
-    returned: float
-
-
-class PortLeakage(Leakage):
-    r"""Loss of what is stored: through a narrow gap or a resistance in proportion to it, through a hole to its root.
-
-    .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n, \qquad \tfrac12 \le n \le 1
-
-    with one unit of the port for :math:`x_1`; of a gas as in `Leakage`.
-
-    References
-    ----------
-    F. M. White, "Fluid Mechanics", 7th ed., McGraw-Hill, 2011, sections 3.5 (Torricelli) and 6.4 (laminar flow).
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
-        *Leakage.parameters,
-        Parameter("exponent", "-", 0.5, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole"),
-    )
-    exponent: float
-    unit_size: ClassVar[float] = 1.0
-    """Size of one unit of the port, Pa."""
-
-    def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return what leaks."""
-        a, b = super().flow(s, x, plant)
-        return FlowTerm(a if self.exponent == 1.0 else a * (s.pressure / self.unit_size) ** (self.exponent - 1.0), b)
-
-
-class ReadingRange(OutputSaturation):
-    r"""A reading stays within the range of its sensor, about zero or with an end on one side only.
-
-    .. math:: y' = \max(-y_s, \min(y_s, y)), \qquad y' = \min(y, y_u) \quad\text{or}\quad y' = \max(y, -y_d)
-    """
-
-    parameters: ClassVar[tuple[Parameter, ...]] = (  # type: ignore[assignment]
-        *OutputSaturation.parameters,
-        Parameter("upper", "N", 1e-2, 1e5, 280.0, "largest value, where only that side has an end", idle=True),
-        Parameter("depth", "N", 1e-2, 1e5, 280.0, "how far it reads below 0, where only that side ends", idle=True),
-    )
-    upper: float
-    depth: float
-
-    def measure(self, value: Array, x: Array) -> Array:
-        """Return the value within the range."""
-        if "upper" in self.values:
-            value = np.minimum(value, self.upper)
-        if "depth" in self.values:
-            value = np.maximum(value, -self.depth)
-        return value if {"upper", "depth"} & self.values.keys() else super().measure(value, x)
-
-    @staticmethod
-    def side_of(values: Mapping[str, float]) -> int:
-        """Return the side on which a range with these values ends: 1 for the upper, -1 the lower, 0 for both."""
-        return int("upper" in values) - int("depth" in values)
-
-    @classmethod
-    def ending(cls, side: int) -> type[Effect]:
-        """Return the effect of a range that ends on one side, or on both (0)."""
-        names = [p.name for p in cls.parameters]
-        return narrowed(cls, tuple(n for n in names if n != names[side]))
+OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
+    "overflow": ("chamber", PortOverflow),
+    "leakage": ("chamber", PortLeakage),
+    "sensor_saturation": ("output", ReadingRange),
+    "backlash": ("link", Play),
+    "spring": ("link", Spring),
+    "upper_stop": ("joint", UpperStop),
+    "lower_stop": ("joint", LowerStop),
+    "parameter_deviation": ("parameter", ParameterDeviation),
+    "parameter_drift": ("parameter", ParameterDrift),
+    "added_inertia": ("parameter", AddedInertia),
+    "payload": ("parameter", Payload),
+}
+"""Effects that act at ports alone, or in another form than on the bench, by name, with the kind of port."""
 
 
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
@@ -149,11 +87,11 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
             found.setdefault(name, ("joint", effect))
         if hooks == ("flow",) and set(effect.roles) <= {"pressure"} and effect.roles:
             found.setdefault(name, ("chamber", effect))
-    found |= {"overflow": ("chamber", PortOverflow), "leakage": ("chamber", PortLeakage)}
-    found["sensor_saturation"] = ("output", ReadingRange)
-    found |= {name: ("link", effect) for name, effect in LAWS.items()}
-    found |= {name: ("joint", effect) for name, effect in STOPS.items()}
-    return found | {name: ("parameter", effect) for name, effect in OF_PARAMETERS.items()}
+    return found | OF_PORTS
+
+
+def _effects_at(kind: str) -> list[tuple[str, type[Effect]]]:
+    return [(name, effect) for name, (own, effect) in port_effects().items() if own == kind]
 
 
 def _rank(name: str) -> tuple[bool, str]:
@@ -188,99 +126,78 @@ def _without_sums(keys: Iterable[str], found: Mapping[str, Placement]) -> list[s
 
 
 # --- the kinds of ports -------------------------------------------------------------------------------------
-def _at_inputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     for port in simulator.ports:
         span = survey.spans.get(port.name, 0.0)
         if port.kind != "input" or not span > 0.0:
             continue
-        for name, (kind, effect) in port_effects().items():
-            if kind == "input":
-                hook = "command" if "command" in effect.hooks() else "measure"
-                scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
-                hidden = tuple(
-                    p.name
-                    for p in effect.parameters
-                    if (p.share and p.nominal == 0.0) or (p.skew and not survey.turns(port.name))
-                )
-                found.append(placed(
-                    name, effect, port.name, hook, "input", port.name, {}, scales, port.unit, port.unit, hidden,
-                    reach=survey.tops.get(port.name, span),
-                ))  # fmt: skip
-    return found
+        scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
+        reach = survey.tops.get(port.name, span)
+        place = PortPlace(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
+        turns = survey.turns(port.name)
+        for name, effect in _effects_at("input"):
+            simple = [p.name for p in effect.parameters if (p.share and p.nominal == 0.0) or (p.skew and not turns)]
+            yield place.placed(name, effect, tuple(simple))
 
 
-def _at_outputs(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found, own = [], {f"{name}@{where}": values for name, where, values in simulator.effects}
+def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
+    own = {f"{name}@{where}": values for name, where, values in simulator.effects}
     for port in survey.readings:
-        span = survey.spans.get(port, 0.0)
+        span, end = survey.spans.get(port, 0.0), survey.ends.get(port, 0.0)
         if not span > 0.0:
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
-        for name, (kind, effect) in port_effects().items():
-            if kind == "output":
-                end, reach = survey.ends.get(port, 0.0), survey.tops.get(port, span)
-                if issubclass(effect, ReadingRange):
-                    side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
-                    effect, reach = effect.ending(side), end if side else reach
-                found.append(placed(
-                    name, effect, port, "measure", "output", port, {}, scales, unit, unit,
-                    reach=reach, least=(1.0 - NEAR_END) * end,
-                ))  # fmt: skip
-    return found
+        reach, least = survey.tops.get(port, span), (1.0 - NEAR_END) * end
+        place = PortPlace(port, "output", "output", port, scales, unit, unit, reach=reach, least=least)
+        for name, effect in _effects_at("output"):
+            if issubclass(effect, ReadingRange):
+                side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
+                yield replace(place, reach=end if side else reach).placed(name, effect.ending(side))
+            else:
+                yield place.placed(name, effect)
 
 
-def _at_joints(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     for joint in survey.joints:
-        span = survey.spans.get(joint.position) or survey.spans.get(f"{joint.name}.path", 0.0)
+        position = joint.position or f"{joint.name}.path"
+        span = survey.spans.get(position, 0.0)
         if not span > 0.0:
             continue
-        unit = simulator.port(joint.position).unit if joint.position else _travel(simulator.port(joint.velocity).unit)
+        unit = simulator.port(joint.position or joint.velocity).unit
+        if not joint.position:
+            unit = unit.removesuffix("/s") or "-"
         size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
         if joint.through:
             size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
         size /= joint.lever.typical if joint.lever else 1.0
-        follows = {"position": joint.position or f"{joint.name}.path", "velocity": joint.velocity}
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
-        for name, (kind, effect) in port_effects().items():
+        for name, effect in _effects_at("joint"):
             if name == "back_emf" and joint.unit != "V":
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if kind != "joint" or not follows_motion(effect):
+            if not follows_motion(effect) or (issubclass(effect, UpperStop) and not joint.position):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
-            if name in STOPS and not joint.position:
-                continue
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
-            hidden = tuple(p.name for p in effect.parameters if p.neutral or "Pa" in unit_powers(p.unit))
-            used = {r: s for r, s in follows.items() if r in effect.roles}
-            prior = 0.0 if name == "quadratic_drag" else None  # outside of muscles as likely as any friction
-            made = placed(
-                name, effect, joint.name, "force", enters, at, used, scales, joint.unit, unit, hidden, prior,
-                range_of=span / scale, speed=scales.speed(survey.spans.get(joint.velocity, 0.0)),
-                interval=survey.interval,
+            place = PortPlace(
+                joint.name, "joint", enters, at, scales, joint.unit, unit,
+                {"position": position, "velocity": joint.velocity}, range_of=span / scale,
+                speed=scales.speed(survey.spans.get(joint.velocity, 0.0)), interval=survey.interval,
             )  # fmt: skip
-            made = replace(made, lever=joint.lever)
-            if name in STOPS:
+            made = replace(place.placed(name, effect, hidden_of(effect)), lever=joint.lever)
+            if issubclass(effect, UpperStop):
                 low = survey.lows[joint.position] / scale
-                made = replace(made, effect=STOPS[name].within(low, low + span / scale))
-            found.append(made)
-    return found
+                made = replace(made, effect=effect.within(low, low + span / scale))
+            yield made
 
 
-def _travel(unit: str) -> str:
-    return unit.removesuffix("/s") or "-"
-
-
-def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
-    found = []
+def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     moving = {n for j in survey.joints for n in (j.position, j.velocity)}
     chambers = {p.level: (p.name, p.through, p.unit) for p in simulator.ports if p.kind == "chamber"}
     levels = simulator.states if simulator.form == "ode" else [p for p in chambers if p in survey.readings]
     for state in levels:
-        span = survey.spans.get(state, 0.0)
+        span, signal = survey.spans.get(state, 0.0), simulator.port(state).unit
         if state in moving or not span > 0.0:
             continue
         name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
@@ -288,45 +205,28 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if through:
             push = abs(survey.pushes.get((through, state), 1.0)) or 1.0
             size, unit = size / push, simulator.port(through).unit
-        domain = "temperature" if _temperature(simulator.port(state).unit) else "store"
-        for effect_name, (kind, found_effect) in port_effects().items():
-            if kind == "chamber" and found_effect.domain == domain:
-                effect, into = found_effect, ""
-                head = _head(simulator.port(state).unit, survey, state)
-                signed = survey.lows.get(state, 0.0) < -EDGE * span  # no level, but a current, say
-                scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **head)
-                if effect_name == "overflow" and signed:
-                    continue
-                if effect_name == "overflow":
-                    fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
-                    low = survey.lows[state]
-                    effect = _within(effect, head, low, survey.highs.get(state, low + span), fastest)
-                    into = "" if through else survey.feeds.get(state, "")
-                enters, at = ("input", through) if through else ("state", state)
+        scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **_head(signal, survey, state))
+        enters, at = ("input", through) if through else ("state", state)
+        place = PortPlace(name, "chamber", enters, at, scales, unit, signal, {"pressure": state})
+        domain = "temperature" if _temperature(signal) else "store"
+        signed = survey.lows.get(state, 0.0) < -EDGE * span  # no level, but a current, say
+        for effect_name, effect in _effects_at("chamber"):
+            if effect.domain != domain:
+                continue
+            into = ""
+            hidden: tuple[str, ...] = ()
+            if issubclass(effect, PortOverflow) and signed:
+                continue
+            if issubclass(effect, PortOverflow):
+                low = survey.lows[state]
+                bottom, top = (x * scales.pressure + scales.offset for x in (low, survey.highs.get(state, low + span)))
+                fastest = 1.0 / (survey.interval * push * scales.target * scales.pressure)
+                effect, into = effect.within(bottom, top, fastest), "" if through else survey.feeds.get(state, "")
                 hidden = () if into else ("returned",)
-                if effect_name == "leakage":
-                    effect = narrowed(effect, unit_size=head["pressure"])
-                    hidden = ("exponent",) if signed or "ambient" in head else ()
-                leak = placed(
-                    effect_name, effect, name, "flow", enters, at, {"pressure": state}, scales, unit,
-                    simulator.port(state).unit, hidden,
-                )  # fmt: skip
-                found.append(replace(leak, into=into))
-    return found
-
-
-def _within(effect: type[Effect], head: Mapping[str, float], low: float, high: float, fastest: float) -> type[Effect]:
-    """Return an overflow whose level lies within the log's range, and which is no faster than a sample."""
-    low, high = (x * head["pressure"] + head.get("offset", 0.0) for x in (low, high))
-    changed = []
-    for p in effect.parameters:
-        if p.name == "level":
-            edge = EDGE * (high - low)
-            p = replace(p, lower=low + edge, upper=high - edge, nominal=0.5 * (low + high), essential=True)
-        if p.name == "coefficient":
-            p = replace(p, upper=min(p.upper, fastest), nominal=min(p.nominal, 0.1 * fastest))
-        changed.append(p)
-    return narrowed(effect, parameters=tuple(changed))
+            elif issubclass(effect, PortLeakage):
+                effect = effect.narrowed(unit_size=scales.pressure)
+                hidden = ("exponent",) if signed or scales.ambient else ()
+            yield replace(place.placed(effect_name, effect, hidden), into=into)
 
 
 def _temperature(unit: str) -> Unit | None:
@@ -350,8 +250,7 @@ def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:
 def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
     """Return an effect that acts in the units of its port, without the bounds of a bench or log."""
     kind, cls = port_effects()[name]
-    hook = "command" if "command" in cls.hooks() else "measure" if kind in ("input", "output") else "force"
-    known = (powers(cls, hook) if kind != "chamber" else None) or {}
+    known = powers_at(kind, cls)
     return Placement(f"{name}@{where}", name, where, cls, kind, where, {}, Scales(), known).made(values)
 
 

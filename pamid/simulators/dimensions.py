@@ -17,6 +17,7 @@ from ..errors import EffectError, PamidError
 
 _SHRUNK = 0.6
 _STARTS = np.array([0])
+_TIME = np.linspace(0.0, 3.0, 80)
 _NOTHING: Any = Surroundings()
 
 
@@ -77,7 +78,7 @@ def _quietly(does: Any, effect: type[Effect], values: Mapping[str, float], scale
 
 
 def _force(made: Effect, scale: float) -> Any:
-    t = np.linspace(0.0, 3.0, 80)
+    t = _TIME
     s = Signals(
         time=t,
         position=scale * (0.1 + 0.03 * np.sin(3.0 * t) + 0.015 * np.sin(7.0 * t)),
@@ -89,21 +90,18 @@ def _force(made: Effect, scale: float) -> Any:
         force=20.0 + 10.0 * np.cos(5.0 * t),
     )
     x = made.trace(s, _NOTHING, t[1], _STARTS)
-    hooks = made.hooks()
-    return sum((getattr(made, hook)(s, x, _NOTHING) for hook in ("force", "torque") if hook in hooks), np.zeros(80))
+    return made.push(s, x, _NOTHING) + np.zeros(80)
 
 
 def _command(made: Effect, scale: float) -> Any:
-    t = np.linspace(0.0, 3.0, 80)
-    s = Signals(time=t, command=scale * np.sin(4.0 * t))
-    return made.command(s.command, s, made.trace(s, _NOTHING, t[1], _STARTS), _NOTHING) / scale - s.command / scale
+    s = Signals(time=_TIME, command=scale * np.sin(4.0 * _TIME))
+    return made.command(s.command, s, made.trace(s, _NOTHING, _TIME[1], _STARTS), _NOTHING) / scale - s.command / scale
 
 
 def _reading(made: Effect, scale: float) -> Any:
-    t = np.linspace(0.0, 3.0, 80)
-    y = 1000.0 * scale * np.sin(4.0 * t)  # larger than any typical limit
-    s = Signals(time=t, position=y, force=y, flow=y, pressure=y)
-    x = made.trace(s, _NOTHING, t[1], _STARTS) if made.n_states else np.zeros((0,))
+    y = 1000.0 * scale * np.sin(4.0 * _TIME)  # larger than any typical limit
+    s = Signals(time=_TIME, position=y, force=y, flow=y, pressure=y)
+    x = made.trace(s, _NOTHING, _TIME[1], _STARTS) if made.n_states else np.zeros((0,))
     return made.measure(y, x) / scale - y / scale
 
 

@@ -122,10 +122,7 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
         elif kind == "input":
             at = f"u[{simulator.inputs.index(where)}]"
             s = Signals(command=symbol("v"))
-            faulty = (
-                effect.command(s.command, s, (), None) if "command" in effect.hooks() else effect.measure(s.command, ())
-            )
-            pushed.append(_block(at, faulty, {"v": at}))
+            pushed.append(_block(at, effect.passed(s.command, s, (), None), {"v": at}))
         else:
             forces.append(_force(simulator, kind, where, effect, places))
     return [*pushed, *forces], read  # forces act on what commands have become
@@ -143,10 +140,7 @@ def _force(simulator: FmuSimulator, kind: str, where: str, effect: Any, places: 
             setattr(s, role, symbol(role))
             used[role] = places[name]
     plant = Surroundings(0.0)
-    total = symbol("v")
-    for hook in ("force", "torque"):
-        if hook in effect.hooks():
-            total = total + getattr(effect, hook)(s, (), plant)
+    total = symbol("v") + effect.push(s, (), plant)
     if "flow" in effect.hooks():
         total = total - np.abs(effect.flow(s, (), plant)[0])
     at = f"u[{simulator.inputs.index(port.through)}]"

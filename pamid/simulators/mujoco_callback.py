@@ -10,8 +10,8 @@ import numpy as np
 
 from ..effects import Effect
 from ..effects.base import Signals
+from ..effects.delays import TransportDelay
 from ..effects.plant import Surroundings
-from ..effects.transport_delay import TransportDelay
 from ..errors import SimulatorTypeError
 from .between import Between, ends_of
 from .catalogue import in_port_units, port_effects
@@ -125,10 +125,7 @@ class MujocoCallbacks:
             s = Signals(position=np.array(across[:1]), velocity=np.array(across[1:]))
             s.time = np.array([data.time])
             x = kept.memory(s, data.time, model.opt.timestep)
-            hooks = kept.effect.hooks()
-            for hook in ("force", "torque"):
-                if hook in hooks:
-                    data.qfrc_passive[dof] += signs * float(np.ravel(getattr(kept.effect, hook)(s, x, _PLANT))[0])
+            data.qfrc_passive[dof] += signs * float(np.ravel(kept.effect.push(s, x, _PLANT))[0])
 
     def _drive(self, model: Any, data: Any) -> None:
         # Values written here earlier are not the controller's commands.
@@ -136,10 +133,9 @@ class MujocoCallbacks:
         u = self._asked.copy()
         for at, kept in self._actuators:
             value = u[at : at + 1]
-            s, effect = Signals(command=value), kept.effect
+            s = Signals(command=value)
             x = kept.memory(s, data.time, model.opt.timestep)
-            faulty = effect.command(value, s, x, _PLANT) if "command" in effect.hooks() else effect.measure(value, x)
-            u[at] = float(np.ravel(faulty)[0])
+            u[at] = float(np.ravel(kept.effect.passed(value, s, x, _PLANT))[0])
         data.ctrl[:] = u
         self._given = u
 

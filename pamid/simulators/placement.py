@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..effects import Effect, Parameter, Signals
+from ..effects import Effect, Signals
 from ..effects.plant import Surroundings
 from ..effects.values import checked_value
 from .base import Simulator
@@ -35,6 +35,15 @@ class Scales:
     """Pressure, Pa, that a gauge reading lacks."""
     ambient: float = 0.0
     """Pressure of the surroundings, Pa; 0 where no gas is stored."""
+
+    def of(self, role: str, x: Any) -> Any:
+        """Return a signal in a role in the library's units."""
+        if role == "pressure":
+            return x * self.pressure + self.offset
+        if role == "pressure_rate":
+            return x * self.pressure / self.time
+        sizes = {"position": self.position, "velocity": self.position * self.time, "command": self.command}
+        return x / sizes.get(role, self.target)
 
     def speed(self, span: float) -> float:
         """Return the size of a speed that covers a range, in the library's units."""
@@ -110,7 +119,7 @@ class Placement:
 
     def made(self, values: Mapping[str, float]) -> Effect:
         """Return the effect with values in the port's units; log-dependent bounds limit a search only."""
-        out, named = self.effect(), f"{self.name} at {self.port}"
+        found, named = {}, f"{self.name} at {self.port}"
         for p in self.effect.parameters:
             if p.name not in values:
                 continue
@@ -118,9 +127,8 @@ class Placement:
             sized = {unit, p.unit} != {"-"} or bool(self.powers.get(p.name))
             outward = replace(p, unit=unit, lower=p.lower * factor, upper=p.upper * factor)
             outward = outward.of_any_size() if sized else outward
-            out.values[p.name] = checked_value(named, outward, values[p.name], "units are those of the ports") / factor
-            setattr(out, p.name, out.values[p.name])
-        return out
+            found[p.name] = checked_value(named, outward, values[p.name], "units are those of the ports") / factor
+        return self.effect().unchecked(**found)
 
     def adjusted(
         self, made: Effect, p: np.ndarray, parameters: Sequence[str], along: np.ndarray | float = 0.5
@@ -141,36 +149,17 @@ class Placement:
 
     def signals(self, found: Mapping[str, np.ndarray], t: np.ndarray | None = None) -> Signals:
         """Return the signals that the effect follows, in the library's units; `found` are those of the port's."""
-        s, out = self.scales, Signals()
         if self.link is not None:
             found = {**found, **self.link.across(found)}
-        for role, name in self.follows.items():
-            x = found[name]
-            if role == "position":
-                x = x / s.position
-            elif role == "velocity":
-                x = x / (s.position * s.time)
-            elif role == "pressure":
-                x = x * s.pressure + s.offset
-            elif role == "pressure_rate":
-                x = x * s.pressure / s.time
-            elif role == "command":
-                x = x / s.command
-            elif role in ("force", "flow"):
-                x = x / s.target
-            setattr(out, role, x)
+        out = Signals(**{role: self.scales.of(role, found[name]) for role, name in self.follows.items()})
         if t is not None:
-            out.time = t * s.time
+            out.time = t * self.scales.time
         return out
 
     def force(self, made: Effect, s: Signals, x: Any) -> Any:
         """Return an effect's force, or its rate of a stored quantity, in the unit of the port."""
-        total: Any = 0.0
-        hooks = made.hooks()
-        for hook in ("force", "torque"):
-            if hook in hooks:
-                total = total + getattr(made, hook)(s, x, self.plant)
-        if "flow" in hooks:
+        total = made.push(s, x, self.plant)
+        if "flow" in made.hooks():
             # A bench counts what must flow in, other systems what is stored: at a port it is always a loss. Between
             # two ports it goes from the fuller end to the other, whichever that is, and so it does where below zero
             # something is stored, too, such as a current.
@@ -219,12 +208,3 @@ class Placement:
         """Return the true values behind the readings of a sensor, along runs."""
         found = made.restore(reading / self.scales.target, dt * self.scales.time, starts)
         return np.asarray(found, dtype=float) * self.scales.target
-
-
-def narrowed(
-    effect: type[Effect], hidden: tuple[str, ...] = (), parameters: Sequence[Parameter] | None = None, **changes: Any
-) -> type[Effect]:
-    """Return an effect of the library with parameters fixed at their nominal values, and other class attributes."""
-    kept = tuple(p for p in parameters or effect.parameters if p.name not in hidden)
-    fixed = {p.name: p.nominal for p in effect.parameters if p.name in hidden}
-    return type(effect.__name__, (effect,), {"parameters": kept, **fixed, **changes})

@@ -1,16 +1,15 @@
-"""An effect of the library placed at a port, with parameters in its units, bounded by what a log resolves."""
+"""Places where effects act: a law of the library is placed with its parameters in the units there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..effects import Effect, Parameter
 from .dimensions import powers, unit_powers, unit_text
-from .placement import Placement, Scales, narrowed
+from .placement import Placement, Scales
 
 PASCAL = {"Pa": 1.0, "hPa": 1e2, "kPa": 1e3, "bar": 1e5, "MPa": 1e6}
 """Units of pressure, in Pa."""
@@ -24,70 +23,95 @@ QUARTER = 0.5 * np.pi
 """Largest phase, rad, between two rows of the fastest swing that they resolve."""
 
 
-def placed(
-    name: str, effect: type[Effect], port: str, hook: str, enters: str, at: str, follows: Mapping[str, str],
-    scales: Scales, target: str, signal: str, hidden: tuple[str, ...] = (), prior: float | None = None,
-    reach: float = 0.0, least: float = 0.0, range_of: float = 0.0, speed: float = 0.0, interval: float = 0.0,
-) -> Placement:  # fmt: skip
-    """Return an effect at a port, its parameters in the units there."""
-    key = f"{name}@{port}"
-    known = {} if hook == "flow" else powers(effect, hook) or {}
-    units = {}
-    for p in effect.parameters:
-        plain = [("s", unit_powers(p.unit).get("s", 0))]
-        if hook in ("force", "flow"):
-            words = {"N": target, "m": "", "kg": target, "rad": signal if signal != "-" else "rad"}
-            powers_of = unit_powers(p.unit)
-            if hook == "flow" and target == "kg/s" and signal in PASCAL:
-                words = {"Pa": signal}  # the library's units are those of a mass flow under a pressure
-            elif hook == "flow":  # the rate is in what flows out per second, be it by mass or by volume
-                words |= {"Pa": signal}
-                flows = powers_of.pop("kg", 0) + powers_of.pop("m", 0) // 3
-                powers_of |= {"kg": flows, "s": powers_of.get("s", 0) + flows}
-            turns = p.unit != "rad/s"  # of a frequency it is no angle of the joint
-            plain = [(words.get(w, w) if turns else w.replace("rad", "-"), n) for w, n in powers_of.items() if n]
-        units[p.name] = unit_text([*plain, (signal, known.get(p.name, 0))])
-    changes: dict[str, Any] = {} if prior is None else {"prior": prior}
-    if reach and LIMITS & units.keys():
-        top, low = reach / scales.target, least / scales.target
-        changes["parameters"] = tuple(_reached(p, top, low) for p in effect.parameters)
-    if any(p.periods or p.refines for p in effect.parameters):
-        changes["parameters"] = tuple(p.over(range_of, speed) for p in effect.parameters)
-    if any(_frequency(p) for p in effect.parameters):
-        seen = QUARTER / (interval * scales.time) if interval else np.inf
-        changes["parameters"] = tuple(_seen(p, seen) for p in effect.parameters)
-    if interval and any(p.simplest for p in effect.parameters):
-        known_from = interval * scales.time / effect.fastest
-        changes["parameters"] = tuple(_remembered(p, known_from) for p in effect.parameters)
-    bound = narrowed(effect, hidden, **changes)
-    return Placement(key, name, port, bound, enters, at, follows, scales, known, units)
+@dataclass(frozen=True)
+class PortPlace:
+    """Where effects of one kind act: a port, or two, its units, and what a log resolves there."""
+
+    port: str
+    """Name of the port."""
+    kind: str
+    """``"input"``, ``"output"``, ``"joint"`` or ``"chamber"``."""
+    enters: str
+    """``"input"``, ``"output"``, ``"state"`` or ``"link"``, as `Placement.enters`."""
+    at: str
+    """The input, output or state there."""
+    scales: Scales
+    target: str
+    """Unit of what effects add or change."""
+    signal: str
+    """Unit of the signal that they follow."""
+    follows: Mapping[str, str] = field(default_factory=dict)
+    """Signals by role, of which an effect takes those that it reads."""
+    reach: float = 0.0
+    """Largest size of a command or reading; 0 where no range ends."""
+    least: float = 0.0
+    """Least end of a range."""
+    range_of: float = 0.0
+    """Range of the position, in the library's units."""
+    speed: float = 0.0
+    """Largest speed, in the library's units."""
+    interval: float = 0.0
+    """Sampling interval, s; 0 where it does not matter."""
+
+    def placed(self, name: str, effect: type[Effect], hidden: tuple[str, ...] = ()) -> Placement:
+        """Return an effect here, some parameters fixed, the others in the units here and within what a log resolves."""
+        known = powers_at(self.kind, effect)
+        units = {p.name: self._unit(p, known.get(p.name, 0)) for p in effect.parameters}
+        # Outside of muscles drag is as likely as any friction.
+        changes = {"prior": 0.0} if name == "quadratic_drag" else {}
+        bound = effect.narrowed(hidden, [self._resolved(p, effect) for p in effect.parameters], **changes)
+        follows = {role: signal for role, signal in self.follows.items() if role in effect.roles}
+        key = f"{name}@{self.port}"
+        return Placement(key, name, self.port, bound, self.enters, self.at, follows, self.scales, known, units)
+
+    def _unit(self, p: Parameter, power: int) -> str:
+        """Return the unit of a parameter here."""
+        words, found = unit_powers(p.unit), self.signal
+        if self.kind in ("input", "output"):
+            return unit_text([("s", words.get("s", 0)), (found, power)])
+        own = {"N": self.target, "m": "", "kg": self.target, "rad": found if found != "-" else "rad"}
+        if self.kind == "chamber" and self.target == "kg/s" and found in PASCAL:
+            own = {"Pa": found}  # the library's units are those of a mass flow under a pressure
+        elif self.kind == "chamber":  # the rate is in what flows out per second, be it by mass or by volume
+            own |= {"Pa": found}
+            flows = words.pop("kg", 0) + words.pop("m", 0) // 3
+            words |= {"kg": flows, "s": words.get("s", 0) + flows}
+        if _frequency(p):  # it is no angle of the joint
+            own = {"rad": "-"}
+        return unit_text([*((own.get(w, w), n) for w, n in words.items() if n), (found, power)])
+
+    def _resolved(self, p: Parameter, effect: type[Effect]) -> Parameter:
+        """Return a parameter within what the log resolves."""
+        interval = self.interval * self.scales.time
+        if self.reach and p.name in LIMITS:
+            top, least = self.reach / self.scales.target, self.least / self.scales.target
+            p = replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
+        p = p.over(self.range_of, self.speed)
+        if interval and _frequency(p):
+            upper = max(min(p.upper, QUARTER / interval), 2.0 * p.lower)
+            p = replace(p, upper=upper, nominal=min(p.nominal, 0.5 * upper))
+        shortest = interval / effect.fastest
+        if p.simplest and p.lower < shortest:  # relaxation within less looks like friction
+            lower = min(shortest, 0.5 * p.upper)
+            p = replace(p, lower=lower, nominal=max(p.nominal, 2.0 * lower))
+        return p
+
+
+def powers_at(kind: str, effect: type[Effect]) -> Mapping[str, int]:
+    """Return the power of the signal's unit in each parameter of an effect at a port of a kind."""
+    if kind == "chamber":
+        return {}
+    hook = "command" if "command" in effect.hooks() else "measure" if kind in ("input", "output") else "force"
+    return powers(effect, hook) or {}
 
 
 def _frequency(p: Parameter) -> bool:
     return p.unit == "rad/s"
 
 
-def _seen(p: Parameter, fastest: float) -> Parameter:
-    """Return a frequency bounded by the sampling."""
-    if not _frequency(p):
-        return p
-    upper = max(min(p.upper, fastest), 2.0 * p.lower)
-    return replace(p, upper=upper, nominal=min(p.nominal, 0.5 * upper))
-
-
-def _remembered(p: Parameter, shortest: float) -> Parameter:
-    """Return the shortest time constant that the sampling resolves: below it, relaxation looks like friction."""
-    if not p.simplest or p.lower >= shortest:
-        return p
-    lower = min(shortest, 0.5 * p.upper)
-    return replace(p, lower=lower, nominal=max(p.nominal, 2.0 * lower))
-
-
-def _reached(p: Parameter, top: float, least: float) -> Parameter:
-    """Return the limit of a saturation within the range of a signal, and its least value."""
-    if p.name not in LIMITS:
-        return p
-    return replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
+def hidden_of(effect: type[Effect], neutral: bool = True) -> tuple[str, ...]:
+    """Return the parameters of an effect on a motion that no pressure and no neutral position give a meaning."""
+    return tuple(p.name for p in effect.parameters if (neutral and p.neutral) or "Pa" in unit_powers(p.unit))
 
 
 def follows_motion(effect: type[Effect]) -> bool:

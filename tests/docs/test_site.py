@@ -113,7 +113,7 @@ def test_links_to_the_repository_become_links_of_the_site() -> None:
     assert rewritten("[`MLP`](../estimators/mlp.py)") == "{py:obj}`~pamid.estimators.MLP`"
     assert rewritten("[x](../CONTRIBUTING.md#style)") == "[x](contributing.md#style)"
     assert rewritten("[x](gallery/plot_06_gas.py)") == "[x](auto_gallery/plot_06_gas.rst)"
-    assert rewritten("[`creep`](../pamid/effects/creep.py)") == "{py:obj}`creep <pamid.effects.creep.Creep>`"
+    assert rewritten("[`creep`](../pamid/effects/relaxation.py)") == "{py:obj}`creep <pamid.effects.relaxation.Creep>`"
     assert rewritten("[`Nothing`](../estimators/nothing.py)") == "[`Nothing`](../estimators/nothing.py)"
 
 

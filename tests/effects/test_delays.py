@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pamid.effects._delay import delayed_rows, memory, shift
+from pamid.effects._memory import delayed_rows, memory, shift
 
 t = np.arange(200) * 0.01
 WAVES = 2 * np.pi * np.array([3.0, 8.0])

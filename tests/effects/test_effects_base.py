@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import importlib
 import math
 import pickle
+import sys
 
 import numpy as np
 import pytest
 
 from pamid.bench import BenchParameters
-from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect
-from pamid.effects._memory import bouc_wen, dahl, relax
-from pamid.effects._stop import stopped, stops_along
+from pamid.effects import Effect, Parameter, Signals, all_effects, make_effect, parameter
+from pamid.effects._memory import bouc_wen, dahl, relax, stopped, stops_along
 from pamid.effects.base import EQUATIONS, KINDS
 from pamid.effects.plant import Plant
 from pamid.effects.registry import chosen_effects
@@ -380,3 +381,31 @@ def test_memory_along_a_log_is_that_of_single_steps(name):
         state = effect.start(s.at(k), PLANT, DT) if fresh else effect.step(state, s.at(k - 1), s.at(k), DT, PLANT)
         m = min(len(state), len(along))  # a delay keeps no more of its past along a log than the output
         np.testing.assert_allclose(along[:m, k], state[:m], rtol=1e-9, atol=1e-12)
+
+
+def test_parameters_are_attributes_that_a_subclass_adds_to_restates_or_fixes():
+    class Spring(Effect):
+        stiffness = parameter("N", 0.0, 10.0, 1.0, "force per travel", linear=True)
+        preload = parameter("N", 0.0, 5.0, 0.0, "force at rest")
+
+    class Stiff(Spring):
+        stiffness = parameter("N", 5.0, 10.0, 7.0, "force per travel")
+        damping = parameter("N s", 0.0, 1.0, 0.5, "force per speed")
+        preload = 2.0
+
+    assert [(p.name, p.nominal) for p in Spring.parameters] == [("stiffness", 1.0), ("preload", 0.0)]
+    assert [p.name for p in Stiff.parameters] == ["stiffness", "damping"]
+    assert (Stiff().stiffness, Stiff(damping=0.1).damping, Stiff().preload) == (7.0, 0.1, 2.0)
+    bound = Spring.narrowed(["preload"], prior=-1.0)
+    assert ([p.name for p in bound.parameters], bound().preload, bound.prior) == (["stiffness"], 0.0, -1.0)
+    assert Spring().unchecked(stiffness=99.0).stiffness == 99.0
+    with pytest.raises(ImplausibleParameterError, match="stiffness"):
+        Stiff(stiffness=1.0)
+
+
+def test_an_old_module_of_one_effect_serves_one_version():
+    sys.modules.pop("pamid.effects.creep", None)
+    with pytest.warns(FutureWarning, match=r"pamid\.effects\.relaxation"):
+        assert importlib.import_module("pamid.effects.creep").Creep is all_effects()["creep"]
+    with pytest.raises(ModuleNotFoundError):
+        importlib.import_module("pamid.effects.no_such_effect")

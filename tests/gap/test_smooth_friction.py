@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from pamid.effects import Signals
-from pamid.effects.coulomb_friction import CoulombFriction
+from pamid.effects.dry_friction import CoulombFriction
 from pamid.gap import diagnose_simulator
 from pamid.simulators import FunctionSimulator, Port
 

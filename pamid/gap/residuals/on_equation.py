@@ -16,7 +16,7 @@ from ...equations.noise import channel_noise
 from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...signals.state import ROLES
-from ...simulators.placement import Placement, Scales, narrowed
+from ...simulators.placement import Placement, Scales
 from ...simulators.placing import GAP, STRAIN
 from ...simulators.sizes import SignalSizes, typical_second
 from .protocol import Active
@@ -113,7 +113,7 @@ class OnEquation:
                 changes["parameters"] = tuple(_shown(p, sizes, self.kind, own) for p in effect.parameters)
             if scales.position != 1.0 and "bench" in effect.kinds:  # drag is as likely as any friction elsewhere
                 changes["prior"] = 0.0
-            bound = narrowed(effect, **changes) if changes else effect
+            bound = effect.narrowed(**changes) if changes else effect
             found[name] = Placement(name, name, "", bound, enters, at, follows, own, powers, told, numbers=self.plant)
         return found
 
