@@ -67,7 +67,7 @@ def evidence_of(
     def predicted(longest: int = 0) -> ShootingEvidence:
         found = ShootingEvidence(at_ports, simulator, refit=refit, longest=longest)
         if in_lines(found):
-            return ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest)
+            return ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest, like=found)
         return found
 
     if derived is None or (simulated and simulator.form != "algebraic"):

@@ -38,9 +38,9 @@ class PredictedEvidence(StretchEvidence):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0,
+        longest: int = 0, like: StretchEvidence | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(log, simulator, whole, refit, lines, longest)
+        super().__init__(log, simulator, whole, refit, lines, longest, like)
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False

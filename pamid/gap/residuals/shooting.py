@@ -36,7 +36,7 @@ from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
-from .stretches import ROUNDS, SHORTEST, power
+from .stretches import ROUNDS, SHORTEST, StretchEvidence, power
 from .tolerances import SMALL
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
@@ -59,9 +59,9 @@ class ShootingEvidence(PredictedEvidence):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0,
+        longest: int = 0, like: StretchEvidence | None = None,
     ) -> None:  # fmt: skip
-        super().__init__(log, simulator, whole, refit, lines, longest)
+        super().__init__(log, simulator, whole, refit, lines, longest, like)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]

@@ -55,7 +55,8 @@ class Segment(NamedTuple):
 class StretchEvidence(PortEvidence):
     """What predictions over stretches of a log need: their bounds and initial states.
 
-    With ``whole``, runs are predicted as wholes, however far they diverge; with ``longest``, in pieces of as many rows.
+    With ``whole``, runs are predicted as wholes, however far they diverge; with ``longest``, in pieces of as many rows;
+    with ``like``, over the stretches of other evidence of the same log.
     """
 
     shown: list[str]
@@ -65,10 +66,10 @@ class StretchEvidence(PortEvidence):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0,
+        longest: int = 0, like: StretchEvidence | None = None,
     ) -> None:  # fmt: skip
         super().__init__(log, simulator, refit, lines)
-        self.whole, self.longest = whole, longest
+        self.whole, self.longest, self.like = whole, longest, like
         self.stretches: list[Segment] = []
         self.folds = {}
         self._x0 = np.zeros((len(simulator.states), 0))
@@ -88,6 +89,9 @@ class StretchEvidence(PortEvidence):
 
     def _lay(self) -> None:
         """Choose the longest stretches that the simulator can follow, and fit their initial states."""
+        if self.like is not None:
+            self._lay_like(self.like)
+            return
         longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
         length, rising = longest, False
@@ -121,6 +125,7 @@ class StretchEvidence(PortEvidence):
             # Predictions that diverge at once are not retried over ever shorter stretches.
             length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
+        self.laid = self._x0
         length = max(s.stop - s.first for s in self.stretches)
         whole = length >= max(b - a for a, b in self.log.spans)
         pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
@@ -128,6 +133,12 @@ class StretchEvidence(PortEvidence):
         noisy = "since noise in the logged states would bias parameters" if self.longest else "not of the logged states"
         why = noisy if held else "since the log lacks states"
         self.how = f"of predictions over {pieces}, each from an initial state fitted to it, {why}"
+
+    def _lay_like(self, other: StretchEvidence) -> None:
+        """Take the stretches of another evidence of the log, whose inputs differ only within samples."""
+        self.folds, self.curved, self.how, self.stretches = other.folds, other.curved, other.how, other.stretches
+        self.simulator, self.about = other.simulator, other.about[: len(self.about)]
+        self._x0 = self._unless_apart(*self._fitted_from(other.laid))
 
     def _cut(self, length: int) -> list[Segment]:
         found = []
