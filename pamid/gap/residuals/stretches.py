@@ -375,6 +375,9 @@ class StretchEvidence(PortEvidence):
             A = slope.reshape(len(slope), -1)
             size = np.sqrt(np.sum(np.square(A), axis=1))
             size = np.where(size > 0.0, size, 1.0)
+            if not np.all(np.isfinite(A)):  # the simulator goes where it has no values: told elsewhere
+                columns.append(np.full(len(A), np.nan))
+                continue
             # Of an unstable motion all states soon act alike: normal equations would lose what sets them apart.
             columns.append(np.linalg.lstsq((A / size[:, None]).T, np.nan_to_num(e).ravel(), rcond=1e-10)[0] / size)
         return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
