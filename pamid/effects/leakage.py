@@ -33,16 +33,17 @@ class Leakage(Effect):
 class PortLeakage(Leakage):
     r"""Loss of what is stored: through a narrow gap or a resistance in proportion to it, through a hole to its root.
 
-    .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n, \qquad \tfrac12 \le n \le 1
+    .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n
 
-    with one unit of the port for :math:`x_1`; of a gas as in `Leakage`.
+    with n = 1 through a narrow gap or a resistance, 1/2 through a hole, and one unit of the port for :math:`x_1`; of a
+    gas as in `Leakage`.
 
     References
     ----------
     F. M. White, "Fluid Mechanics", 7th ed., McGraw-Hill, 2011, sections 3.5 (Torricelli) and 6.4 (laminar flow).
     """
 
-    exponent = parameter("-", 0.5, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole")
+    exponent = parameter("-", 0.4, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole")
     unit_size: ClassVar[float] = 1.0
     """Size of one unit of the port, Pa."""
 
