@@ -294,7 +294,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         rng = np.random.RandomState(0)
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
-        self._copies = [noisy_copy(self.log, sigma, known, self.n, rng) for _ in range(REPLICATES)]
+        lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
+        self._copies = [noisy_copy(self.log, sigma, lasting, self.n, rng) for _ in range(REPLICATES)]
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
         self._drawn, self._whitening = drawn, Whitening()
