@@ -168,9 +168,9 @@ def links_of(
         both = ends_of(where)
         if both and not any({b.first, b.second} == set(both) for b in said):
             said.append(Between(*both))
-    found = [_sized_by(_said(simulator, b, ends, known), simulator, (t, x, u)) for b in said]
-    taken = [{link.first.port, link.second.port} for link in found]
     levers = {lever.velocities: lever for lever in levers_of(simulator, joints, t, x, u)} if known is not None else {}
+    found = [_sized_by(_said(simulator, b, ends, known, levers), simulator, (t, x, u)) for b in said]
+    taken = [{link.first.port, link.second.port} for link in found]
     for a, b in itertools.combinations(ends, 2) if known is not None else ():
         if {a.port, b.port} not in taken and _alike(a, b):
             link = _coupled(known, Between(a.port, b.port), a, b)  # type: ignore[arg-type]
@@ -197,7 +197,10 @@ def _dimension(unit: str) -> Any:
     return UNITS[unit].dimension if unit in UNITS else unit
 
 
-def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slopes | None) -> Link:
+def _said(
+    simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slopes | None,
+    levers: Mapping[tuple[str, ...], Lever],
+) -> Link:  # fmt: skip
     first, second = _named(ends, b.first), _named(ends, b.second)
     if first.domain != second.domain or first == second:
         raise ParameterError(
@@ -218,8 +221,8 @@ def _said(simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slop
         return replace(plain, ratio=coupled.ratio, stiffness=held[0], damping=held[1])
     if b.inertia is not None:
         return _by_formula(simulator, b, first, second, ratio, coupled)
-    if coupled is not None:
-        return coupled
+    if found := coupled or _levered(levers.get((first.state, second.state)), first, second):
+        return found
     raise ParameterError(
         f"It is not known how {b.first} and {b.second} respond to an effect between them.",
         'inertia = ["...", "..."] under [[between]], or inputs named in through at both',

@@ -102,10 +102,14 @@ def test_effects_at_a_coupled_joint_are_torques():
 
 @pytest.mark.parametrize("where", ["a", "a and b"])
 def test_dry_friction_of_a_double_pendulum_is_named_with_its_torque(where):
-    found = pamid.diagnose(log_of(5e-3, where), PENDULUM)
+    log = log_of(5e-3, where)
+    found = pamid.diagnose(log, PENDULUM)
     [cause] = found.causes
     assert (cause.effects[0], cause.where, cause.grade) == ("coulomb_friction", (where,), "sure")
     assert abs(cause.parameters["amplitude"].value - 5e-3) < 3e-4
+    before, after = (evidence_of(log, one) for one in (PENDULUM, found.corrected))
+    assert np.std(after.raw(after.z0)) < 0.5 * np.std(before.raw(before.z0))
+    assert np.median(np.abs(after.raw(after.z0))) < 0.9
 
 
 def test_a_right_double_pendulum_has_no_gap():
