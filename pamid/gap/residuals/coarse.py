@@ -25,14 +25,15 @@ from ...simulators.port_log import PortLog
 def noisy_copy(
     log: PortLog, sigma: Mapping[str, float], readings: Collection[str], n: int, rng: np.random.RandomState
 ) -> dict[str, np.ndarray]:
-    """Return the channels with as much noise again: white, or as steps leave it that n samples do not average out."""
+    """Return the channels with as much noise again: white, and what steps add that n samples do not average out."""
     copy = {name: x + sigma[name] * rng.standard_normal(len(x)) for name, x in log.channels.items()}
     for name in readings:
         x = log.channels[name]
         for a, b in log.spans:
             noise = channel_noise(x[a:b], n)
             if noise.fixed > 0.0:
-                copy[name][a:b] = x[a:b] + error_in_steps(x[a:b], noise, rng)
+                share = noise.fixed * np.sqrt(12.0) / noise.resolution  # of the error of a step that lasts
+                copy[name][a:b] += share * error_in_steps(x[a:b], noise, rng)
     return copy
 
 
