@@ -60,17 +60,15 @@ _BASE = {"N": {"kg": 1, "m": 1, "s": -2}, "N m": {"kg": 1, "m": 2, "s": -2}}
 
 
 def at_levers(
-    simulator: Simulator, joints: Sequence[JointPort], t: np.ndarray, x: np.ndarray, u: np.ndarray
+    levers: Sequence[Lever], joints: Sequence[JointPort], t: np.ndarray, x: np.ndarray, u: np.ndarray
 ) -> list[JointPort]:
     """Return the joints, those without an input with the response of a mechanism that couples them to others."""
-    single = {
-        lever.velocities[0]: lever for lever in levers_of(simulator, joints, t, x, u) if len(lever.velocities) == 1
-    }
+    single = {lever.velocities[0]: lever for lever in levers if len(lever.velocities) == 1}
     found = []
     for joint in joints:
         lever = None if joint.through else single.get(joint.velocity)
         if lever is not None:
-            moved = np.max(np.abs(lever.rates(t, x, u, spread_numbers(simulator, len(t)))), axis=1)
+            moved = np.max(np.abs(lever.rates(t, x, u, spread_numbers(lever.simulator, len(t)))), axis=1)
             coupled = np.sum(moved > SAME * np.max(moved)) > 1
             joint = joint._replace(lever=lever, unit=lever.unit) if coupled else joint
         found.append(joint)

@@ -14,7 +14,6 @@ from ..remembered import Remembered
 from ..signals.units import UNITS
 from .base import Simulator
 from .between import Between, ends_of
-from .damped import levers_of
 from .dimensions import unit_powers
 from .lever import Lever
 from .reciprocity import MOSTLY, SAME, Slopes, SomeInstants, factor_of, slopes
@@ -156,8 +155,9 @@ def _named(ends: Sequence[LinkEnd], name: str) -> LinkEnd:
 
 # --- pairs --------------------------------------------------------------------------------------------------
 def links_of(
-    simulator: Simulator, joints: Sequence[JointPort], t: np.ndarray, x: np.ndarray, u: np.ndarray
-) -> list[Link]:
+    simulator: Simulator, joints: Sequence[JointPort], levers: Sequence[Lever], t: np.ndarray, x: np.ndarray,
+    u: np.ndarray,
+) -> list[Link]:  # fmt: skip
     """Return the pairs of ports between which effects can act: those that are named, and those that are coupled."""
     ends = ends_in(simulator, joints)
     own = simulator.form == "ode" and simulator.inertia(x[:, :1]) is None
@@ -168,13 +168,13 @@ def links_of(
         both = ends_of(where)
         if both and not any({b.first, b.second} == set(both) for b in said):
             said.append(Between(*both))
-    levers = {lever.velocities: lever for lever in levers_of(simulator, joints, t, x, u)} if known is not None else {}
-    found = [_sized_by(_said(simulator, b, ends, known, levers), simulator, (t, x, u)) for b in said]
+    dampers = {lever.velocities: lever for lever in levers} if known is not None else {}
+    found = [_sized_by(_said(simulator, b, ends, known, dampers), simulator, (t, x, u)) for b in said]
     taken = [{link.first.port, link.second.port} for link in found]
     for a, b in itertools.combinations(ends, 2) if known is not None else ():
         if {a.port, b.port} not in taken and _alike(a, b):
             link = _coupled(known, Between(a.port, b.port), a, b)  # type: ignore[arg-type]
-            link = link or _levered(levers.get((a.state, b.state)), a, b)
+            link = link or _levered(dampers.get((a.state, b.state)), a, b)
             found += [_sized_by(link, simulator, (t, x, u))] if link is not None else []
     return found
 

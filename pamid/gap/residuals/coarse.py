@@ -22,19 +22,20 @@ from ...equations.noise import ChannelNoise, channel_noise
 from ...simulators.port_log import PortLog
 
 
-def noisy_copy(
-    log: PortLog, sigma: Mapping[str, float], readings: Collection[str], n: int, rng: np.random.RandomState
-) -> dict[str, np.ndarray]:
-    """Return the channels with as much noise again: white, and what steps add that n samples do not average out."""
-    copy = {name: x + sigma[name] * rng.standard_normal(len(x)) for name, x in log.channels.items()}
-    for name in readings:
-        x = log.channels[name]
-        for a, b in log.spans:
-            noise = channel_noise(x[a:b], n)
+def noisy_copies(
+    count: int, log: PortLog, sigma: Mapping[str, float], readings: Collection[str], n: int, rng: np.random.RandomState
+) -> list[dict[str, np.ndarray]]:
+    """Return copies of the channels with as much noise again: white, and what steps add that lasts over n samples."""
+    found = [(name, slice(a, b), channel_noise(log.channels[name][a:b], n)) for name in readings for a, b in log.spans]
+    copies = []
+    for _ in range(count):
+        copy = {name: x + sigma[name] * rng.standard_normal(len(x)) for name, x in log.channels.items()}
+        for name, at, noise in found:
             if noise.fixed > 0.0:
                 share = noise.fixed * np.sqrt(12.0) / noise.resolution  # of the error of a step that lasts
-                copy[name][a:b] += share * error_in_steps(x[a:b], noise, rng)
-    return copy
+                copy[name][at] += share * error_in_steps(log.channels[name][at], noise, rng)
+        copies.append(copy)
+    return copies
 
 
 def error_in_steps(x: np.ndarray, noise: ChannelNoise, rng: np.random.RandomState) -> np.ndarray:

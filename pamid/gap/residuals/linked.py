@@ -9,7 +9,7 @@ import numpy as np
 
 from ...signals.paths import turns_back
 from ...simulators.base import Simulator
-from ...simulators.damped import at_levers
+from ...simulators.damped import at_levers, levers_of
 from ...simulators.links import Link, links_of
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
@@ -44,8 +44,9 @@ class Paths(ABC):
         x, u = (np.array([signals[n][some] for n in some_of if n in signals]) for some_of in names)
         whole = len(x) == len(simulator.states) and len(u) == len(simulator.inputs)
         x = x if whole and len(x) else np.zeros((len(simulator.states), 0))
-        self.joints = at_levers(simulator, self.joints, self.log.t[some], x, u)
-        self.links = links_of(simulator, self.joints, self.log.t[some], x, u)
+        levers = levers_of(simulator, self.joints, self.log.t[some], x, u)
+        self.joints = at_levers(levers, self.joints, self.log.t[some], x, u)
+        self.links = links_of(simulator, self.joints, levers, self.log.t[some], x, u)
         survey = self._survey(gaps)
         spans = {name: float(np.ptp(self.path_of(name))) for link in self.links for name in link.sources}
         return survey._replace(spans={**survey.spans, **spans}, links=self.links)

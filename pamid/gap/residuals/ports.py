@@ -28,7 +28,7 @@ from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
-from .coarse import noisy_copy
+from .coarse import noisy_copies
 from .linked import UNTURNED, Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
@@ -295,7 +295,7 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         known = {n: self.channel_noise(n) for n in self._noisy()}
         sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
         lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
-        self._copies = [noisy_copy(self.log, sigma, lasting, self.n, rng) for _ in range(REPLICATES)]
+        self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
         self._drawn, self._whitening = drawn, Whitening()
