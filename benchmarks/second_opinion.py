@@ -106,7 +106,7 @@ def report(results: list[dict[str, Any]]) -> None:
 def main() -> None:
     """Run the cases that have no result yet, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--out", type=Path, default=Path("second_opinion.jsonl"))
+    parser.add_argument("--out", type=Path, default=Path("results/second_opinion.jsonl"))
     parser.add_argument("--clean", type=int, default=13, metavar="N", help="clean logs of each simulator")
     parser.add_argument("--causes", type=int, default=12, metavar="N", help="logs with a cause of each simulator")
     parser.add_argument("--plants", nargs="*", default=list(PLANTS))
@@ -117,6 +117,7 @@ def main() -> None:
     known = {r["name"] for r in done}
     wanted = [Spec(s, p, k, args.seed) for k in range(max(args.clean, args.causes)) for p in args.plants
               for s, n in (("single", args.causes), ("none", args.clean)) if k < n]  # fmt: skip
+    args.out.parent.mkdir(parents=True, exist_ok=True)
     for spec in [] if args.report else wanted:
         if spec.name in known:
             continue

@@ -103,7 +103,7 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
 
     simulator = evidence.simulator
     direct = isinstance(evidence, DirectEvidence) and simulator.form == "ode"
-    if not direct or simulator.one_by_one or not found.added:  # one by one it would take too long
+    if not direct or simulator.one_by_one or found.verdict in ("none", "untested"):  # one by one it would take too long
         return None
     spec = {}
     for cause in found.added:

@@ -53,12 +53,20 @@ class Worth:
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
         if spread is not None and not evidence.exact and self._filters(fit.spec):
             score -= self._below_noise(left)
+        filtered = evidence.filtered(fit.spec, self.base.z) if fit.spec else None
+        if filtered is not None:
+            score -= self._by_filtering(filtered if spread is None else filtered / spread)
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
 
     def _below_noise(self, left: np.ndarray) -> float:
         """Return the gain in nats of residuals below their noise: undoing a fault filters the noise, too."""
         quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
         return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
+
+    def _by_filtering(self, filtered: np.ndarray) -> float:
+        """Return the gain in nats by filtering what is left without any effect as undoing a fault filters noise."""
+        left = np.array([scale(filtered[part]) for part in self.evidence.parts])
+        return float(self._counts * self.fitter.weights @ np.log(np.maximum(self.base.left / left, 1.0)))
 
     @property
     def _counts(self) -> np.ndarray:

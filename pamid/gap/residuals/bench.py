@@ -340,6 +340,10 @@ class Evidence:
             self._spreads = {**dict(list(self._spreads.items())[-5:]), key: self._noise_under(params)}
         return self._spreads[key]
 
+    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
+        """Return None: how lags filter the noise is part of `widening`."""
+        return None
+
     def _noise_under(self, params: BenchParameters) -> np.ndarray:
         """Return the noise of each window under a simulator, as a share of the nominal one's."""
         noise = self.noise.copy()

@@ -72,7 +72,7 @@ class DirectEvidence(UndoneEvidence):
         # Of two sets of parameters, and what inputs do there.
         self._asked: Remembered[np.ndarray] = Remembered(2 * (1 + len(simulator.inputs)))
         self._table: dict[str, np.ndarray] = {}
-        self._spreads: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._spreads, self._moved = Remembered[Any](16), Remembered[Any](8)
         self._jumps: dict[str, np.ndarray] = {}
         self._tables: list[dict[str, np.ndarray]] = []
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))

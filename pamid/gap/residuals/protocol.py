@@ -123,6 +123,10 @@ class ResidualSource(Protocol):
         """Return how wide the noise is under a changed simulator, as a share of the nominal one's; None if the same."""
         ...
 
+    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
+        """Return residuals filtered as undoing faults of readings filters their noise; None without such faults."""
+        ...
+
     def reach(self, spec: Spec) -> np.ndarray | None:
         """Return the share of a small addition that reaches each window past sensor effects; None for all of it."""
         ...

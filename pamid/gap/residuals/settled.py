@@ -30,3 +30,7 @@ class Settled:
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return None: no effect changes the noise."""
         return None
+
+    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
+        """Return None: no effect filters the noise."""
+        return None

@@ -30,6 +30,7 @@ from functools import cached_property
 import numpy as np
 
 from ...equations.windows import average
+from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.placement import Placement
 from ..settings import TOLERANCE
@@ -38,11 +39,15 @@ from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import SMALL, rms
 
+REACH = 8
+"""Windows to each side over which undoing a fault is taken to filter the noise."""
+
 
 class UndoneEvidence(PortEvidence, ABC):
     """Residuals under effects that change the noise: undone in readings, or forces that follow these."""
 
-    _spreads: dict[str, tuple[np.ndarray, np.ndarray]]
+    _spreads: Remembered[tuple[np.ndarray, np.ndarray]]
+    _moved: Remembered[tuple[np.ndarray, np.ndarray]]
     _jumps: dict[str, np.ndarray]
     _tables: list[dict[str, np.ndarray]]
     balances: list[Balance]
@@ -149,18 +154,44 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return the relative width of the noise under all effects of a set, and its growth over that of motion."""
         if not spec:
             return None
-        key = repr({k: dict(v) for k, v in spec.items()})
-        if key not in self._spreads:
-            active, numbers = self.active(spec), self.simulator.numbers
-            changed = self._residual(active, numbers, self._copies[-1]) - self._residual(active, numbers)
+
+        def made() -> tuple[np.ndarray, np.ndarray]:
+            drawn, changed = self._noisier(spec)
             scale, grown = np.ones(len(self.value)), np.ones(len(self.value))
-            for part, a in zip(self.parts, self._amplified(active), strict=True):
-                usual, new = (rms(d[part]) for d in (self._drawn[-1], changed))
+            for part, a in zip(self.parts, self._amplified(self.active(spec)), strict=True):
+                usual, new = rms(drawn[part]), rms(changed[part])
                 if usual > 0.0 and new > 0.0:
                     scale[part] = min(a, new / usual)
                     grown[part] = max(1.0, new / usual / a)
-            self._spreads[key] = scale, grown
-        return self._spreads[key]
+            return scale, grown
+
+        return self._spreads.get(_key(spec), made)
+
+    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
+        """Return residuals filtered as undoing faults of readings filters their noise; None without such faults."""
+        faults = {k: v for k, v in spec.items() if self.placements[k].enters == "output" and self._filters(k)}
+        if not faults:
+            return None
+        drawn, changed = self._noisier(faults)
+        out = np.array(z, dtype=float)
+        for part in self.parts:
+            taps = np.linalg.lstsq(_neighbours(drawn[part]), changed[part], rcond=1e-9)[0]
+            out[part] = _neighbours(out[part]) @ taps
+        return out
+
+    def _noisier(self, spec: Spec) -> tuple[np.ndarray, np.ndarray]:
+        """Return the change of the residuals by more noise, without and under effects, white as they are judged."""
+
+        def made() -> tuple[np.ndarray, np.ndarray]:
+            active, numbers = self.active(spec), self.simulator.numbers
+            changed = self._residual(active, numbers, self._copies[-1]) - self._residual(active, numbers)
+            return self._whitening.white(self._drawn[-1] / self.noise), self._whitening.white(changed / self.noise)
+
+        return self._moved.get(_key(spec), made)
+
+    def _filters(self, key: str) -> bool:
+        """Return whether undoing a fault filters a reading: one with memory does, an offset does not."""
+        return self.placements[key].at in self.simulator.states and self.placements[key].effect.n_states > 0
 
     def _changes_noise(self, place: Placement) -> bool:
         """Return whether an effect follows noisy readings as the model does, so that both may cancel."""
@@ -185,3 +216,12 @@ class UndoneEvidence(PortEvidence, ABC):
             ]  # fmt: skip
             found.append(sizes[0] / sizes[1] if sizes[1] > 0.0 else 1.0)
         return found
+
+
+def _key(spec: Spec) -> str:
+    return repr({name: dict(values) for name, values in spec.items()})
+
+
+def _neighbours(z: np.ndarray) -> np.ndarray:
+    """Return each window's residual and those of its neighbours on both sides, shape (n, 2 REACH + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(z, REACH), 2 * REACH + 1)

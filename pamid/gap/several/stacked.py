@@ -279,6 +279,14 @@ class StackedEvidence:
             [log.evidence.spread(self.spec_in(k, spec), self.deviations_in(k, x)) for k, log in enumerate(self.logs)]
         )
 
+    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
+        """Return residuals filtered as undoing faults of readings filters their noise; None without such faults."""
+        mine = [z[place] for place in self.places]
+        each = [log.evidence.filtered(self.spec_in(k, spec), mine[k]) for k, log in enumerate(self.logs)]
+        if all(f is None for f in each):
+            return None
+        return self._gathered([mine[k] if f is None else f for k, f in enumerate(each)])
+
     def _factors(self, each: Sequence[np.ndarray | None]) -> np.ndarray | None:
         if all(f is None for f in each):
             return None
