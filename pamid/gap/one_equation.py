@@ -119,8 +119,6 @@ def checked(problem: Problem, equation: OnEquation) -> tuple[np.ndarray, list[st
 
 def _notes(signals: Table, codes: np.ndarray, roles: Mapping[str, str]) -> list[str]:
     notes: list[str] = []
-    if codes[-1] == 0:
-        notes.append("Only one run: no intervals over runs can be given; stretches of it are held out.")
     if "time" in signals:
         steps, same = np.diff(signals["time"]), np.diff(codes) == 0
         if np.any(steps[same] < 0):

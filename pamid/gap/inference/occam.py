@@ -65,7 +65,8 @@ def occam_of(H: np.ndarray, n: float, parameters: Sequence[Parameter], values: S
 
 def possible(H: np.ndarray, parameters: Sequence[Parameter], values: Sequence[float], gain: float) -> np.ndarray:
     """Return the prior width of each parameter; an amplitude's is about the effect's size."""
-    curvature = np.maximum(np.diag(H), 0.0)
-    with np.errstate(divide="ignore"):
-        amplitude = np.where(curvature > 0.0, np.sqrt(2.0 * max(gain, 1.0) / np.maximum(curvature, 1e-300)), 0.0)
+    curvature = np.diag(H)
+    # One whose square underflows changes nothing.
+    acts = curvature > np.finfo(float).tiny / np.finfo(float).eps
+    amplitude = np.where(acts, np.sqrt(2.0 * max(gain, 1.0) / np.where(acts, curvature, 1.0)), 0.0)
     return np.array([a if p.linear else width(p, v) for p, v, a in zip(parameters, values, amplitude, strict=True)])

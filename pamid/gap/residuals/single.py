@@ -158,10 +158,6 @@ class SignalEvidence(PortEvidence):
         states = self.stated(self.numbers(deviations)).fitted or self.simulator
         return states.corrected(causes, self.equation.sense, self.equation.units.target) if causes else states
 
-    def pieces(self) -> tuple[np.ndarray, int]:
-        """Return the run of each window, which is left out as a whole, and how many there are."""
-        return self.block, len(self.trajectories)
-
     def heard(self, share: float) -> list[str]:
         """Return the sentence on residuals of which a flexible learner predicts a share."""
         told = [_NOISE.format(100.0 * share)]
