@@ -13,6 +13,7 @@ from .design.experiment import next_for_equation
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
+from .inference.gauss_newton import Fitter
 from .inference.so_far import where_so_far
 from .inference.student_t import scale
 from .readings import settled
@@ -23,7 +24,7 @@ from .residuals.protocol import Spec
 from .residuals.shooting import ShootingEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
-from .simulated import evidence_of, learn, otherwise, outward, runner
+from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,6 +50,9 @@ def diagnose_at_ports(
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
+    if found.added and evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found)).z):
+        say("once more with the noise of inputs, which causes had hidden")
+        found = diagnose_evidence(evidence, effects, seed, say, change)[0]
     other = otherwise(evidence, found, log)
     if other is None:
         return found
