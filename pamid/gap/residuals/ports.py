@@ -140,7 +140,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, ABC):
 
         Parameters and clocks are fitted to both: some of them shift what a reading shows by nearly as much.
         """
-        if self.lines or self.simulator.form != "ode" or not any(np.ptp(u) > 0.0 for u in self._u):
+        if self.lines or self.simulator.form == "algebraic" or not any(np.ptp(u) > 0.0 for u in self._u):
             return False
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
         return solve(z1, self.J, *self.ends, self.parts, self.weights).loglik > self.base_loglik() + LEAST_GAIN

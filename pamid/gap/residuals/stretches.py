@@ -220,7 +220,7 @@ class StretchEvidence(PortEvidence):
             return [x[..., : max(round(share * x.shape[-1]), 1)] for x in along]
 
         error = begun(self._error(x0))
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS if len(x0) else 0):
             shift = self._shift(begun(self._slopes(x0)), error)
             for size in (1.0,) if share == 1.0 else (1.0, 0.25, 0.0625):
                 trial = x0 + size * shift
