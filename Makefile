@@ -17,7 +17,7 @@ ON_INSTALLED := $(if $(filter /%,$(BIN)),$(BIN),../../$(BIN))
 help:
 	@echo "make demo        environment, install, and the main job on simulated data (pictures in demo-output/)"
 	@echo "make test        lint, types, layers and the tests of less than a second"
-	@echo "make test-all    the same and the slow tests, of which .ci/run runs a third"
+	@echo "make test-all    the same and the slow tests, of which .ci/run runs a quarter"
 	@echo "make lowest      the tests of less than a second with the lowest versions of all dependencies, in build/lowest"
 	@echo "make lint        ruff; mypy --strict and import-linter on an installed wheel"
 	@echo "make docs        the documentation as a site, this version in a folder of its own in build/site"
@@ -54,11 +54,11 @@ types: install
 pytest: install
 	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal -m "not slow and not long"
 
-# THIRD="--third KEY" runs a third of the slow tests, drawn by a key, as .ci/run does to end within twenty minutes.
-THIRD ?=
+# QUARTER="--quarter KEY" runs a quarter of the slow tests, drawn by a key, as .ci/run does to end within twenty minutes.
+QUARTER ?=
 
 pytest-all: install
-	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(THIRD)
+	$(THREADS) $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal $(QUARTER)
 
 # Types take one core and some waiting: they are checked beside the tests, and told of where they fail. Otherwise
 # pytest's closing line is the last one.

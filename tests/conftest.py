@@ -71,20 +71,20 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         "--renew-slow", action="store_true", help="measure the tests that run, and list the slow ones anew"
     )
     parser.addoption(
-        "--third",
+        "--quarter",
         metavar="KEY",
-        help="run a third of the slow tests, drawn by a key such as the commit; the others as always",
+        help="run a quarter of the slow tests, drawn by a key such as the commit; the others as always",
     )
 
 
 def is_drawn(name: str, key: str) -> bool:
-    """Return whether a slow test belongs to the third that a key draws; all cases of a test stay together."""
-    return hashlib.sha256(f"{key} {name.partition('[')[0]}".encode()).digest()[0] % 3 == 0
+    """Return whether a slow test belongs to the quarter that a key draws; all cases of a test stay together."""
+    return hashlib.sha256(f"{key} {name.partition('[')[0]}".encode()).digest()[0] % 4 == 0
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests of the list, which stands apart so that it can be measured anew; leave two thirds out."""
-    known, key = slow_tests(), config.getoption("--third")
+    """Mark the tests of the list, which stands apart so that it can be measured anew; leave three quarters out."""
+    known, key = slow_tests(), config.getoption("--quarter")
     for item in items:
         if _short(item) in known:
             item.add_marker(pytest.mark.slow)
