@@ -123,11 +123,8 @@ class PortRig(Rig):
         tables, there, t = [], [], runs[0].time
         each = [{n: np.broadcast_to(x, len(t)) for n, x in (usual | run.values()).items()} for run in runs]
         u = np.array([[given[n] for n in self.simulator.inputs] for given in each])
-
-        def readings(u: np.ndarray) -> list[dict[str, np.ndarray]]:
-            return played(self.simulator, t, u, self._begins, numbers, active, last.joints, steps)
-
-        for k, found in enumerate(readings(u)):
+        system = numbers, active, last.joints, steps
+        for k, found in enumerate(played(self.simulator, t, u, self._begins, *system)):
             if not self._stays(found):
                 continue
             noisy = {columns[n]: found[n] + noise[n] * rng.standard_normal(len(t)) for n in self._read}
@@ -135,8 +132,11 @@ class PortRig(Rig):
             tables.append(pd.DataFrame({"trajectory": str(k), "time": t, **known, **noisy}))
             there.append(k)
         if not tables:
-            still = np.array([[np.full(len(t), (usual | self.limits.held)[n]) for n in self.simulator.inputs]])
-            raise _left(alone=not self._stays(readings(still)[0]))
+            run, signals, states = slice(*last.log.spans[-1]), last.signals(), self.simulator.states
+            given = np.array([[signals[n][run] for n in self.simulator.inputs]])
+            begins = [signals[s][run.start] if s in signals else x for s, x in zip(states, self._begins, strict=True)]
+            (again,) = played(self.simulator, last.log.t[run], given, np.array(begins), *system)
+            raise _left(alone=not self._stays(again))
         return pd.concat(tables, ignore_index=True), there
 
     def _stays(self, found: Mapping[str, np.ndarray]) -> bool:
@@ -157,7 +157,7 @@ class PortRig(Rig):
 
 
 def _left(alone: bool) -> ExcitationError:
-    """Return the error of designs that all leave the range of the logs; `alone`: so do inputs that stand still."""
+    """Return the error of designs that all leave the range of the logs; `alone`: so does a logged run, simulated."""
     none = "No design within the limits keeps the readings near their range in the logs"
     if not alone:
         return ExcitationError(
@@ -166,9 +166,9 @@ def _left(alone: bool) -> ExcitationError:
             "Narrow --limit, widen --keep, or shorten --seconds.",
         )
     return ExcitationError(
-        f"{none}: the simulator leaves it under every one, and even while all inputs stand at their usual values.",
-        "a system that stays near the logs without its controller, whose inputs a design gives ahead of the run",
-        "Make the run with the controller in the loop, move its set point, and go on with --since; if the system needs "
+        f"{none}: the simulator leaves it under every one, and even under the inputs of a logged run, from its start.",
+        "a system that stays near the logs without a controller: a design gives the inputs ahead of the run",
+        "Make the run with the controller in the loop, move its set point, and go on with --since; if the system has "
         "no controller, widen --keep or shorten --seconds.",
     )
 
