@@ -43,7 +43,7 @@ def rms(z: np.ndarray) -> float:
 
 
 def far(clusters: Clusters, t: int) -> np.ndarray:
-    """Let the slopes promise the other runs much of a long step; return it as it would be without bounds."""
+    """Return the long step that the other runs take without bounds, once slopes promise them much of it."""
     other = (t + 1) % len(clusters.H)
     clusters.g[other] = 1e4 * clusters.g[other] + 1e3 * clusters.size
     H, g = clusters.H.sum(axis=0) - clusters.H[t] + clusters.prior, clusters.g.sum(axis=0) - clusters.g[t]
