@@ -112,7 +112,7 @@ class Parameter:
         if not self.periods or not span > 0.0:
             return self
         once = 2.0 * math.pi / span
-        lower, upper = max(self.lower, once), min(self.upper, MOST_PERIODS * once)
+        lower, upper = once, MOST_PERIODS * once  # its own bounds count in radians, a position in its unit
         return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
 
     def of_any_size(self) -> Parameter:

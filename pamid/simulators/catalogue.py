@@ -255,7 +255,7 @@ def in_port_units(name: str, where: str, values: Mapping[str, float]) -> Effect:
     return Placement(f"{name}@{where}", name, where, cls, kind, where, {}, Scales(), known).made(values)
 
 
-def effect_class(name: str) -> type[Effect]:
-    """Return the effect of a name: one of the library, or of those at ports with or without the port."""
-    plain, known = name.partition("@")[0], all_effects()
-    return known[plain] if plain in known else port_effects()[plain][1]
+def effect_class(name: str, at_ports: bool) -> type[Effect]:
+    """Return the effect that acts under a name, which may say where and in which logs: at ports in its form there."""
+    plain, here = name.partition("@")[0], port_effects() if at_ports else {}
+    return here[plain][1] if plain in here else all_effects()[plain]

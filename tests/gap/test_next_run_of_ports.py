@@ -10,7 +10,7 @@ import pytest
 
 import pamid
 from pamid.cli import main
-from pamid.errors import ParameterError
+from pamid.errors import ExcitationError, ParameterError
 from pamid.gap import settings
 from pamid.gap.design.known import cleaned
 from pamid.gap.design.port_family import PortLimits
@@ -198,3 +198,24 @@ def test_the_next_run_of_a_cylinder_tells_viscous_friction_from_drag() -> None:
     assert [c.effects for c in after.causes] == [("viscous_friction",)]
     with pytest.raises(ParameterError, match="an input: x, P"):
         pamid.next_run(found, limits={"F": (0.0, 1.0)})
+
+
+def test_a_system_that_only_its_controller_holds_is_told_from_too_wide_limits() -> None:
+    """A mass on a magnet falls or sticks under every design; one on a rail only leaves where it is pushed too hard."""
+    rng, t, x, v, rows = np.random.default_rng(0), np.arange(800) * 0.005, 1e-3, 0.0, []
+    for k in t:
+        F = -60.0 * x - 12.0 * v + 2.0 * np.sin(3.0 * k)
+        rows.append((F, x, v))
+        v += 0.005 * (F + 40.0 * x - 0.5 * v) / 0.5
+        x += 0.005 * v
+    F, x, v = np.array(rows).T
+    log = pd.DataFrame({"time": t, "F": F, "x": x + 1e-5 * rng.standard_normal(800), "v": v})
+    magnet = FunctionSimulator(lambda t, x, u, p: [x.v, (u.F + p.k * x.x) / 0.5], PORTS, {"k": (40.0, 0.02, "N/m")})
+    runs = pd.concat([recorded(3.0 * np.sin(w * t), k, viscous=3.0) for k, w in enumerate((1.0, 2.5))])
+    runs = runs.reset_index(drop=True)
+    friction = evidence_of(runs, RAIL).placements["viscous_friction@x"].inward({"coefficient": 3.0})
+    two = [Rival({"viscous_friction@x": friction}, {}, 0.0, 0.6), Rival({}, {}, 0.0, 0.4)]
+    with pytest.raises(ExcitationError, match=r"even under the inputs of a logged run.*controller in the loop"):
+        plan_next(two, {"log": log}, magnet, designs=8)
+    with pytest.raises(ExcitationError, match=r"near their range in the logs\..*Narrow --limit"):
+        plan_next(two, {"log": runs}, RAIL, {"F": (90.0, 99.0)}, designs=8)

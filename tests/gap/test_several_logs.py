@@ -176,7 +176,7 @@ def test_a_history_is_refused_where_simulator_or_library_changed(
         read_history(tmp_path, NOMINAL.replace(inertia=0.03))
     with pytest.raises(ParameterError, match="part of the earlier"):
         go_on(again, {"first": leaking})
-    monkeypatch.setattr("pamid.gap.several.history.fingerprint", lambda name: "0" * 16)
+    monkeypatch.setattr("pamid.gap.several.history.fingerprint", lambda *_: "0" * 16)
     with pytest.raises(IncompatibleError, match="effect leakage differs"):
         read_history(tmp_path, NOMINAL)
     with pytest.raises(LogNotFoundError):

@@ -123,24 +123,26 @@ class PortRig(Rig):
         tables, there, t = [], [], runs[0].time
         each = [{n: np.broadcast_to(x, len(t)) for n, x in (usual | run.values()).items()} for run in runs]
         u = np.array([[given[n] for n in self.simulator.inputs] for given in each])
-        for k, found in enumerate(played(self.simulator, t, u, self._begins, numbers, active, last.joints, steps)):
-            if not all(self._stays(n, found[n]) for n in self._read):
+        system = numbers, active, last.joints, steps
+        for k, found in enumerate(played(self.simulator, t, u, self._begins, *system)):
+            if not self._stays(found):
                 continue
             noisy = {columns[n]: found[n] + noise[n] * rng.standard_normal(len(t)) for n in self._read}
             known = {columns[n]: found[n] for n in self.simulator.inputs}
             tables.append(pd.DataFrame({"trajectory": str(k), "time": t, **known, **noisy}))
             there.append(k)
         if not tables:
-            raise ExcitationError(
-                "No design within the limits keeps the readings near their range in the logs.",
-                "limits within which the simulator stays near the logs",
-                "Narrow --limit, widen --keep, or shorten --seconds.",
-            )
+            run, signals, states = slice(*last.log.spans[-1]), last.signals(), self.simulator.states
+            given = np.array([[signals[n][run] for n in self.simulator.inputs]])
+            begins = [signals[s][run.start] if s in signals else x for s, x in zip(states, self._begins, strict=True)]
+            (again,) = played(self.simulator, last.log.t[run], given, np.array(begins), *system)
+            raise _left(alone=not self._stays(again))
         return pd.concat(tables, ignore_index=True), there
 
-    def _stays(self, name: str, x: np.ndarray) -> bool:
-        low, high = self._kept[name]
-        return bool(np.all(np.isfinite(x)) and np.min(x) >= low and np.max(x) <= high)
+    def _stays(self, found: Mapping[str, np.ndarray]) -> bool:
+        """Return whether a run keeps each reading in its range."""
+        ranges = ((found[n], self._kept[n]) for n in self._read)
+        return all(np.all(np.isfinite(x)) and np.min(x) >= low and np.max(x) <= high for x, (low, high) in ranges)
 
     def evidence(self, table: pd.DataFrame) -> Any:
         """Return the evidence of a log, made like that of the logs."""
@@ -152,6 +154,23 @@ class PortRig(Rig):
         found.widen(self.noise)
         found.without_nuisances()
         return found
+
+
+def _left(alone: bool) -> ExcitationError:
+    """Return the error of designs that all leave the range of the logs; `alone`: so does a logged run, simulated."""
+    none = "No design within the limits keeps the readings near their range in the logs"
+    if not alone:
+        return ExcitationError(
+            f"{none}.",
+            "limits within which the simulator stays near the logs",
+            "Narrow --limit, widen --keep, or shorten --seconds.",
+        )
+    return ExcitationError(
+        f"{none}: the simulator leaves it under every one, and even under the inputs of a logged run, from its start.",
+        "a system that stays near the logs without a controller: a design gives the inputs ahead of the run",
+        "Make the run with the controller in the loop, move its set point, and go on with --since; if the system has "
+        "no controller, widen --keep or shorten --seconds.",
+    )
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..inference.gauss_newton import Fit, Fitter, slots_of
+from ..inference.gauss_newton import Fit, Fitter, joined, slots_of
+from ..inference.student_t import bounded
 from ..residuals.protocol import ResidualSource
-from ..settings import FORM_LOCAL, NOISE_KNOWN, NU
+from ..residuals.repeats import PIECES
+from ..settings import EXCESS, FORM_LOCAL, NOISE_KNOWN, NU, TOLERANCE
 from .findings import Closure, Interval, ParameterEstimate
 
 DRAWS = 400
@@ -27,15 +29,18 @@ class Clusters:
         self.slots = slots_of(evidence.effects, fit.spec)
         phi = np.array([fit.spec[name][p.name] for name, p in self.slots])
         z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
-        D, _, _ = fitter.jacobian(self.slots, phi, z, fit.x) if self.slots else (np.zeros((len(z), 0)), None, None)
+        D, back, on = fitter.jacobian(self.slots, phi, z, fit.x)
         self.A = np.column_stack([J, D])
+        # Within one step's reach a refit without a run is to be found from here.
+        self.reach = np.concatenate([fit.low - fit.x, back]), np.concatenate([fit.high - fit.x, on])
         # A parameter at the end of its tolerance, or at a bound, stays there, whichever run is left out.
         within = np.array([p.lower < v < p.upper for v, (_, p) in zip(phi, self.slots, strict=True)], dtype=bool)
         self.moving = np.concatenate([fit.inside, within])
         self.z = z + J @ fit.x
-        w = np.empty(len(z))
+        self.scales, self.shares = np.empty((2, len(z)))
         for part, s, share in zip(evidence.parts, fit.scales, fitter.weights, strict=True):
-            w[part] = share * (NU + 1.0) / (NU + np.square(self.z[part] / s)) / s**2
+            self.scales[part], self.shares[part] = s, share * (NU + 1.0)
+        w = self.shares / (NU + np.square(self.z / self.scales)) / self.scales**2
         self.pieces, n = evidence.pieces()
         k = self.A.shape[1]
         self.H, self.g = np.zeros((n, k, k)), np.zeros((n, k))
@@ -44,7 +49,9 @@ class Clusters:
             Aw = self.A[rows] * w[rows, None]
             self.H[t], self.g[t] = self.A[rows].T @ Aw, -(self.z[rows] @ Aw)
         # A tolerance is a prior of its width: without it, what no run excites would drift.
-        self.prior = np.diag(np.concatenate([np.full(evidence.J.shape[1], 3.0), np.zeros(len(self.slots))]))
+        self.prior = np.diag(np.concatenate([np.full(evidence.J.shape[1], TOLERANCE), np.zeros(len(self.slots))]))
+        # Where residuals bend, the fit has weighed it against them; elsewhere tolerances are as likely throughout.
+        self.pull = -self.prior @ np.concatenate([fit.x + evidence.about, 0.0 * phi]) * evidence.bends
         self.size = np.sqrt(np.maximum(np.diag(self.H.sum(axis=0) + self.prior), 1e-300))
 
     def _solve(self, H: np.ndarray, g: np.ndarray, moving: np.ndarray) -> np.ndarray:
@@ -55,16 +62,61 @@ class Clusters:
         return step
 
     def held_out(self) -> np.ndarray:
-        """Return residuals of every run under the fit of all others, in units of the noise."""
+        """Return residuals of every run under the fit of all others, in units of the noise.
+
+        Where that moves parameters so far that it matters to the run, its residuals there are computed exactly.
+        """
         n = len(self.H)
         if n < 2 or not self.A.shape[1]:
             return self.z
-        out = self.z.copy()
-        for t in range(n):
+        out, far = self.z.copy(), dict[int, float]()
+        steps = [self._without(t) for t in range(n)]
+        for t, step in enumerate(steps):
             rows = self.pieces == t
-            H = self.H.sum(axis=0) - self.H[t] + self.prior
-            out[rows] += self.A[rows] @ self._solve(H, self.g.sum(axis=0) - self.g[t], self.moving)
+            change = self.A[rows] @ step
+            out[rows] += change
+            before, moved = (float(np.sum(np.square(v))) for v in (self.z[rows], change))
+            if moved > EXCESS * before:
+                far[t] = moved
+        for t in sorted(far, key=far.__getitem__, reverse=True)[:PIECES]:
+            rows = self.pieces == t
+            out[rows] = self._exact(t, steps[t])[rows]
         return out
+
+    def _without(self, t: int) -> np.ndarray:
+        """Return the step to the fit of all runs but one, to first order and within bounds."""
+        low, high = (np.where(self.moving, end, 0.0) for end in self.reach)
+        H, g = self.H.sum(axis=0) - self.H[t] + self.prior, self.g.sum(axis=0) - self.g[t] + self.pull
+        return bounded(H, g, np.minimum(low, 0.0), np.maximum(high, 0.0))
+
+    def _exact(self, t: int, step: np.ndarray) -> np.ndarray:
+        """Return exact residuals as far along a step as it suits all runs but one; where it suits none, of the fit.
+
+        The run that is left out has no say in how far that is.
+        """
+        others, best = self.pieces != t, self.z
+        whole = least = self._cost(best, others, 0.0 * step)
+        for much in (1.0, 0.35, 0.1):
+            z = self._at(much * step)
+            cost = self._cost(z, others, much * step)
+            if cost < least:
+                best, least = z, cost
+            elif least < whole:
+                break
+        return best
+
+    def _at(self, step: np.ndarray) -> np.ndarray:
+        """Return the residuals beside the fit."""
+        m, spec = self.evidence.J.shape[1], joined(self.fit.spec)
+        for (name, p), by in zip(self.slots, step[m:], strict=True):
+            spec[name][p.name] = float(np.clip(spec[name][p.name] + by, p.lower, p.upper))
+        x = dict(zip(self.evidence.free, map(float, self.fit.x + step[:m]), strict=True))
+        return self.evidence.z(spec, x, None)
+
+    def _cost(self, z: np.ndarray, rows: np.ndarray, step: np.ndarray) -> float:
+        """Return the negative log-likelihood of some windows, with the tolerances' prior."""
+        far = np.log1p(np.square(z[rows] / self.scales[rows]) / NU)
+        return float(0.5 * self.shares[rows] @ far - self.pull @ step + 0.5 * step @ self.prior @ step)
 
     def parameters(self) -> dict[str, dict[str, ParameterEstimate]]:
         r"""Return the effects' parameters with 90 % intervals: the jackknife over runs plus the tolerances' covariance.
@@ -74,7 +126,7 @@ class Clusters:
         from scipy.special import ndtri, stdtrit
 
         n, m = len(self.H), self.evidence.J.shape[1]
-        total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0)
+        total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0) + self.pull
         if n > 2:
             # This includes how far one at a bound could be from it.
             moving = np.concatenate([self.moving[:m], np.ones(len(self.slots), dtype=bool)])

@@ -75,7 +75,7 @@ def _together(
     stack: StackedEvidence, effect: str, one: Mapping[str, float], two: Mapping[str, float]
 ) -> dict[str, float]:
     linear = {p.name: p for p in stack.effects[effect].parameters if p.linear}
-    main = main_parameter(effect, one)
+    main = main_parameter(stack.effects[effect], one)
     form = one if abs(one[main]) >= abs(two[main]) else two
     total = {n: float(np.clip(one[n] + two[n], p.lower, p.upper)) for n, p in linear.items()}
     return {**form, **total}
@@ -93,7 +93,7 @@ def _change(
     sides = logs[place - 1].parameters.get(plain), logs[place].parameters.get(plain)
     known = next(s for s in (*sides, *(f.parameters.get(plain) for f in logs)) if s is not None)
     values = {k: p.value for k, p in known.items()}
-    main = main_parameter(plain, values)
+    main = main_parameter(variants.effects[plain], values)
     before, after = (s[main].value if s is not None else float("nan") for s in sides)
     if np.isfinite(before) and np.isfinite(after):
         how = "grows" if abs(after) > abs(before) else "shrinks"

@@ -15,6 +15,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+from ...effects import all_effects
 from ...errors import IncompatibleError, LogFormatError, LogNotFoundError, PamidError
 from ...simulators.catalogue import effect_class
 from ...toml_files import TomlErrors, read_small_text
@@ -123,12 +124,13 @@ class History:
         import pandas as pd
 
         folder, home, simulator = Path(folder), Path(home or folder), self.simulator.identity()
+        at_ports = not self.simulator.library
         page = self.page if "kind" in simulator else ""  # a bench is rebuilt from its identity
         state = {
             "schema": SCHEMA,
             "simulator": {**simulator, **_seen_from(home, page=page)},
             "read": {**_seen_from(home, columns=self.columns), "encoding": self.encoding},
-            "library": {name: fingerprint(name) for name in self.library},
+            "library": {name: fingerprint(name, at_ports) for name in self.library},
             "logs": [
                 {"name": name, "day": c.day, "conditions": c.numbers, "rows": len(self.logs[name])}
                 for name, c in self.held.items()
@@ -216,7 +218,6 @@ def read_history(
         page, columns = (os.path.normpath(path / p) if p else "" for p in (then.get("page"), said.get("columns")))
         held = {str(e["name"]): Conditions(dict(e["conditions"]), str(e["day"])) for e in state["logs"]}
         rounds = [_read_round(r) for r in state["rounds"]]
-        rivals = [_rival(r) for r in state["rivals"]]
         library = {str(k): str(v) for k, v in state["library"].items()}
         table = _table(path / LOGS, "kind" not in then)
         logs = {name: table[table["log"] == name].drop(columns="log").reset_index(drop=True) for name in held}
@@ -225,7 +226,8 @@ def read_history(
         if any(e["rows"] != len(logs[str(e["name"])]) for e in state["logs"]):
             raise ValueError("a log has another number of rows")
         now = simulator if simulator is not None else _simulator_of(then, page, read)
-        changed = _changed(then, now.identity(), library)
+        rivals = [_rival(r, not now.library) for r in state["rivals"]]
+        changed = _changed(then, now, library)
     except PamidError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError, OSError) as error:
@@ -275,10 +277,10 @@ def _read_round(found: Mapping[str, Any]) -> Round:
     return told
 
 
-def _rival(found: Mapping[str, Any]) -> Rival:
+def _rival(found: Mapping[str, Any], at_ports: bool) -> Rival:
     rival = Rival.from_dict(found)
     for name, values in rival.effects.items():
-        known = {p.name for p in effect_class(name).parameters}
+        known = {p.name for p in effect_class(name, at_ports).parameters}
         if not (values.keys() <= known if "@" in name else values.keys() == known):
             raise ValueError(f"{name} has other parameters")
     return rival
@@ -308,27 +310,28 @@ def _table(path: Path, bench: bool) -> pd.DataFrame:
     return frame
 
 
-def _changed(then: Mapping[str, Any], now: Mapping[str, Any], library: Mapping[str, str]) -> list[str]:
+def _changed(then: Mapping[str, Any], now: AnySimulator, library: Mapping[str, str]) -> list[str]:
     """Return the differences between the simulator and library of an earlier diagnosis and today's."""
-    a, b = _flat(then), _flat(now)
+    a, b = _flat(then), _flat(now.identity())
     changed = [f"{k} was {a.get(k, 'absent')} and is {b.get(k, 'absent')}" for k in {**a, **b} if a.get(k) != b.get(k)]
     for name, mark in library.items():
         try:
-            if fingerprint(name) != mark:
+            if fingerprint(name, not now.library) != mark:
                 changed.append(f"the effect {name} differs")
         except KeyError:
             changed.append(f"the effect {name} is no longer there")
     return changed
 
 
-def fingerprint(name: str) -> str:
-    """Return a hash of an effect's parameters and code."""
-    effect = effect_class(name)
+def fingerprint(name: str, at_ports: bool) -> str:
+    """Return a hash of an effect's parameters and code; its form at ports may take a part of the library's."""
+    effect, library = effect_class(name, at_ports), all_effects().values()
     said = [repr(effect.parameters), repr(effect.equations), repr(effect.prior)]
-    try:
-        said.append(inspect.getsource(effect))
-    except (OSError, TypeError):
-        said.append(effect.__qualname__)
+    for part in [c for c in effect.__mro__ if c is effect or c in library]:
+        try:
+            said.append(inspect.getsource(part))
+        except (OSError, TypeError):
+            said.append(part.__qualname__)
     return hashlib.sha256("\n".join(said).encode()).hexdigest()[:16]
 
 
@@ -344,7 +347,8 @@ def seconds(logs: Any) -> float:
 def _round(found: Answered, logs: list[str], recorded: float) -> Round:
     parameters = {}
     for cause in found.causes:
-        main = main_parameter(cause.effects[0], {k: p.value for k, p in cause.parameters.items()})
+        kind = effect_class(cause.effects[0], bool(cause.where))
+        main = main_parameter(kind, {k: p.value for k, p in cause.parameters.items()})
         p = cause.parameters[main]
         low, high = (v if abs(v) < float("inf") else None for v in p.ci90)
         parameters[_said(cause.effects[0], cause.where[0] if cause.where else "")] = {

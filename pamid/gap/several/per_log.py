@@ -17,7 +17,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ...simulators.catalogue import effect_class
+from ...effects import Effect
 from ..diagnosis.findings import ParameterEstimate
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..residuals.bench import Evidence
@@ -71,8 +71,9 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     return found
 
 
-def main_parameter(effect: str, spec: Mapping[str, float]) -> str:
+def main_parameter(effect: type[Effect], spec: Mapping[str, float]) -> str:
     """Return the parameter that gives the size of an effect: the linear one that is largest beside its typical size."""
-    parameters = [p for p in effect_class(effect).parameters if p.name in spec]
-    linear = [p for p in parameters if p.linear] or list(parameters)
-    return max(linear, key=lambda p: abs(spec[p.name]) / (abs(p.nominal) or abs(p.upper) or 1.0)).name
+    parameters = [p for p in effect.parameters if p.name in spec]
+    # A share between two forms is no size.
+    sizes = [p for p in parameters if p.linear] or [p for p in parameters if not p.share] or parameters
+    return max(sizes, key=lambda p: abs(spec[p.name]) / (abs(p.nominal) or abs(p.upper) or 1.0)).name
