@@ -149,7 +149,8 @@ def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     from ..signals.headers import read_header
 
     clock, run = draft.of("time"), draft.of("trajectory")
-    ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
+    said = clock is not None and (clock.sure or not clock.unit)  # an assumed unit is to be seen
+    ticks = said and clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
     converted = any(m.unit and m.unit != (draft.unit_of(m.port) or m.unit) for m in found)
     converted |= any(read_header(m.column).bracketed for m in found)  # a log without a mapping loses the brackets

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from ...errors import OutputError, PamidError, ParameterError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
+from .._clock import count_as_simulated, count_seconds
 from .._drafting import (
     FILES,
     Asker,
@@ -147,6 +148,8 @@ def _of_model(args: argparse.Namespace) -> int:
     draft.own_page = model if given_page else None
     draft.clear()
     declare_model(draft, simulator)
+    if simulator.kind != "mujoco":  # a mechanism moves too fast for one row a second
+        count_seconds(draft)
     for pair in args.signal:
         assign(draft, pair)
     hold(draft, pairs(args.constant, "--constant"))
@@ -165,6 +168,8 @@ def _of_model(args: argparse.Namespace) -> int:
     folder = checked_folder(args, FILES[:1] if given_page else FILES)
     take(draft, simulator, found, doubts)
     draft.settle()
+    if args.trust or not simulator.executes:
+        count_as_simulated(draft, simulator)
     log = tried(draft, draft.read)
     known = {p.name: p.source for p in simulator.ports if draft.of(p.source) is not None}
     missing = lacking(simulator, known, doubts)
@@ -269,11 +274,13 @@ def _of_equations(args: argparse.Namespace) -> int:
     draft, ask = draft_for(args.log, encoding=args.encoding), Asker(False)
     draft.clear()
     declare_equations(draft, equations, numbers)  # names mean what the equations say
+    count_seconds(draft)
     for pair in args.signal:
         assign(draft, pair)
     hold(draft, pairs(args.constant, "--constant"))
     try:
-        settle_equations(draft, equations, numbers)
+        simulator = settle_equations(draft, equations, numbers)
+        count_as_simulated(draft, simulator)
         ask_for_columns(draft, ask)
         refer(draft, ask, args.assume)
     finally:
