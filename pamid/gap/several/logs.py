@@ -34,7 +34,7 @@ def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def diagnose(
-    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    log: pd.DataFrame | Sequence[pd.DataFrame] | Mapping[str, pd.DataFrame],
     simulator: BenchParameters | Simulator,
     effects: str | Sequence[str] = "all",
     *,
@@ -55,10 +55,11 @@ def diagnose(
 
     Parameters
     ----------
-    log : DataFrame or mapping of str to DataFrame
+    log : DataFrame, list of DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; of a bench ``q`` (rad), ``P1``, ``P2`` (Pa, absolute),
         ``F1``, ``F2`` (N), ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``, without some of which the equations that read
-        them are left out. Several logs by name, in the order in which they were recorded.
+        them are left out. Several logs in a list ("log", "log 2", ...) or by name, in the order in which they were
+        recorded.
     simulator : BenchParameters or Simulator
         The simulator, with its tolerances.
     effects : "all" or sequence of str, default="all"
