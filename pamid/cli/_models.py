@@ -120,13 +120,13 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
     acting = {p.through for p in simulator.ports if p.through}
     if any(p.kind == "input" and p.name in columns for p in signals):
         wanted = [p for p in wanted if p.name not in acting]  # none by itself, as a disturbance is
-    read = [p for p in signals if p.kind != "input"]
+    read = sorted((p for p in signals if p.kind != "input"), key=lambda p: p.kind == "state")  # outputs first
     wanted += [] if any(p.name in columns for p in read) else read[:1]
     return [
         f"no column is known for {p.source}{f' ({doubts[p.name]})' if p.name in doubts else ''}: add "
         f"--signal {p.source}=COLUMN{f':{p.unit}' if _plain(p.unit) else ''}"
         + (
-            f", or start = VALUE for the port {p.name} in the simulator file if it is constant"
+            f", or --constant {p.source}=VALUE if it is constant"
             if p.kind == "input"
             else ""
         )
@@ -142,6 +142,21 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
         f"'{port}=COLUMN:UNIT' or '{port}=COLUMN*FACTOR'"
         for port, why in open_.items()
     )
+
+
+def with_units(draft: Draft, simulator: Simulator) -> None:
+    """Give the ports of a python-control system, which has no units, those of their columns."""
+    from dataclasses import replace
+
+    from ..signals.unit_names import find_unit
+    from ..signals.units import SI_UNITS
+
+    def unit(signal: str) -> str:
+        column = draft.of(signal)
+        return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else "-"
+
+    if simulator.kind == "control":
+        simulator.ports = tuple(replace(p, unit=unit(p.source)) if p.unit == "-" else p for p in simulator.ports)
 
 
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
@@ -193,8 +208,9 @@ def _begun(simulator: Simulator, columns: Mapping[str, str]) -> list[Port]:
 
 
 def _signals(simulator: Simulator) -> list[Port]:
-    """Return the ports that a log may have a column of; not the torques that MuJoCo adds beside its actuators."""
+    """Return the ports that a log may have a column of; not torques beside MuJoCo's actuators, nor hidden states."""
     hidden = {p.through for p in simulator.ports if p.through and not p.column and simulator.kind == "mujoco"}
+    hidden |= set(simulator.hidden_states)
     return [p for p in simulator.ports if p.kind in ("input", "output", "state") and p.name not in hidden]
 
 
