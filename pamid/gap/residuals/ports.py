@@ -30,8 +30,9 @@ from .beside import Beside
 from .between_rows import NOTE, STEPS
 from .coarse import noisy_copies
 from .linked import UNTURNED, Paths
+from .named import Named
 from .port_windows import PortWindows
-from .protocol import STATE, Active, Spec
+from .protocol import Active, Spec
 from .repeats import pieces, repeating
 from .settled import Settled
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
@@ -48,7 +49,7 @@ FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
 
-class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
+class PortEvidence(Tolerances, Settled, Beside, Paths, Named, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -269,10 +270,6 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
     ) -> np.ndarray:
         """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
-    @abstractmethod
-    def roles(self, equation: str) -> dict[str, str]:
-        """Return for an equation the signal behind each name of `STATE`, as far as there is one."""
-
     # --- noise ----------------------------------------------------------------------------------------------
     def _accuracy(self, equation: int) -> float:
         """Return the least noise of an equation, as a share of its measured side."""
@@ -483,17 +480,3 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         if place.acts and place.effect.follows_path() and not self._turns(place.follows.get("position", "")):
             return min(prior, UNTURNED)
         return prior
-
-    @property
-    def state(self) -> dict[str, np.ndarray]:
-        """The state at each window, by the names of `STATE`; NaN where it has none."""
-        signals = self.signals()
-        out = {name: np.full(len(self.value), np.nan) for name in STATE}
-        for equation, part in zip(self.equations, self.parts, strict=True):
-            for name, signal in self.roles(equation).items():
-                out[name][part] = signals[signal][self.centre[part]]
-        return out
-
-    def column(self, name: str, side: int = 0) -> str:
-        """Return the user's name of a signal of the state."""
-        return self.roles(self.equations[side]).get(name, name) if side < len(self.equations) else name
