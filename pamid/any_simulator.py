@@ -85,7 +85,8 @@ def diagnose(
     ----------
     log : DataFrame, list of DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; several logs in a list ("log", "log 2", ...) or by
-        name, in the order in which they were recorded. Of several logs causes are shared unless one came or went between two days.
+        name, in the order in which they were recorded. Of several logs causes are shared unless one came or went
+        between two days.
     since : History, optional
         An earlier diagnosis to continue: ``diagnosis.history``, or the result of `pamid.gap.several.read_history`. The
         logs are added to it.
@@ -131,11 +132,11 @@ def diagnose(
             "Leave them out, or diagnose all logs anew.",
         )
     history = since if since is not None else History(simulator, library_of(effects, simulator))
-    log = logs_as_pandas(log, history.logs)
-    logs = {free_names(1, history.logs)[0]: log} if isinstance(log, pd.DataFrame) else dict(log)
+    given = logs_as_pandas(log, history.logs)
+    logs = {free_names(1, history.logs)[0]: given} if isinstance(given, pd.DataFrame) else dict(given)
     if rows is not None:
         logs = simulator.counting(logs, rows)
-    alone = isinstance(log, pd.DataFrame) if alone is None else alone
+    alone = isinstance(given, pd.DataFrame) if alone is None else alone
     return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
 
 

@@ -68,7 +68,7 @@ def _count(draft: Draft, unit: str) -> None:
 
 
 def _speed(simulator: Simulator, log: PortLog) -> float:
-    """Return how many times too fast the log is read, by the states' changes over stretches; 0 where they do not say."""
+    """Return how many times too fast the log is read, by the states' changes over stretches; 0 where unknown."""
     found = []
     begin, end = log.spans[0]
     end = min(end, begin + _ROWS)

@@ -127,5 +127,7 @@ def _number(name: str, text: str) -> ModelParameter:
     if number and unit not in UNITS and _SI.fullmatch(unit):  # made of SI units: nothing has to be converted
         return ModelParameter(float(number["value"]), tolerance, unit)
     return ModelParameter(
-        parse_quantity(value, None if dimension_of(name) else name), tolerance, SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-"
+        parse_quantity(value, None if dimension_of(name) else name),
+        tolerance,
+        SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-",
     )

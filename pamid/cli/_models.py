@@ -125,11 +125,7 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
     return [
         f"no column is known for {p.source}{f' ({doubts[p.name]})' if p.name in doubts else ''}: add "
         f"--signal {p.source}=COLUMN{f':{p.unit}' if _plain(p.unit) else ''}"
-        + (
-            f", or --constant {p.source}=VALUE if it is constant"
-            if p.kind == "input"
-            else ""
-        )
+        + (f", or --constant {p.source}=VALUE if it is constant" if p.kind == "input" else "")
         for p in wanted
     ]
 

@@ -62,14 +62,14 @@ def coded(sim: str, trust: bool) -> Simulator | None:
     takes = _top_level(path)
     if name not in takes:
         raise ParameterError(
-            f"--sim names {f'{name!r}, which {path} does not define' if name else f'{path}, not what in it simulates'}.",
+            f"--sim names {f'{name!r}, which {path} does not define' if name else f'{path}, not what simulates'}.",
             f"--sim {path}:NAME with one of {', '.join(takes) or 'its functions'}",
             f"Name it, for instance --sim {path}:{next(iter(takes), 'system')}.",
         )
     if takes[name]:
         raise ParameterError(
-            f"--sim names the function {name}({', '.join(takes[name])}) of {path}, which says neither the order nor the "
-            "units of its signals.",
+            f"--sim names the function {name}({', '.join(takes[name])}) of {path}, which says neither the order nor "
+            "the units of its signals.",
             "a simulator file beside it",
             'Write sim.toml with kind = "ode" (rates of states) or "function", '
             f'[ode] function = "{path.name}:{name}", [ports] such as u = {{ kind = "input", unit = "V" }} and '

@@ -88,12 +88,12 @@ def events_at_ports(
 
 def refuse_a_table(samples: Samples) -> None:
     """Raise where no line of a stream was a JSON object, as in a table."""
-    if samples.problems["malformed"] and not samples.objects:
+    if (n := samples.problems["malformed"]) and not samples.objects:
         raise StreamError(
-            f"None of the {samples.problems['malformed']:,} lines is a JSON object; the first is {samples.first_problem}.",
+            f"None of the {n:,} lines is a JSON object; the first is {samples.first_problem}.",
             'JSON lines, one object a sample, such as {"time": 0.01, ...}',
-            "Let the logger write them. A table is no stream: convert it (pandas: to_json(orient='records', lines=True)), "
-            "or diagnose it with 'pamid diagnose'.",
+            "Let the logger write them. A table is no stream: convert it (pandas: to_json(orient='records', "
+            "lines=True)), or diagnose it with 'pamid diagnose'.",
         )
 
 

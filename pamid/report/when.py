@@ -30,7 +30,7 @@ def when(d: Diagnosis) -> str:
     left = (part["before"] - part["after"] if d.added else part["before"]) / part["noise"]
     power = np.square(left.to_numpy()) if d.added else np.maximum(np.square(left.to_numpy()) - 1.0, 0.0)
     begins, ends, long = _shortest(part["time"].to_numpy()[mine], power[mine])
-    within = _MOST >= _CONCENTRATED * long
+    within = _CONCENTRATED * long <= _MOST
     if not (one or within):
         return ""
     span = f"from {begins:.4g} to {ends:.4g} s"

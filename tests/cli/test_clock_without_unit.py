@@ -36,4 +36,4 @@ def test_the_unit_of_a_clock_is_that_of_the_states(
     assert main([*argv, *more, "--yes", "--quiet", "--json", "--out", str(tmp_path / "setup")]) == 0
     text = (tmp_path / "setup" / "columns.toml").read_text()
     assert tomllib.loads(text)["signals"]["time"]["unit"] == unit
-    assert ("ASSUMED" in text) == (not more and header == "Time" or "w = x" in more)
+    assert ("ASSUMED" in text) == ((not more and header == "Time") or "w = x" in more)

@@ -69,7 +69,7 @@ def test_logs_in_a_list_are_taken_like_logs_by_name(days: dict[str, pd.DataFrame
     by_name, in_a_list = (pamid.evaluate(logs, RAIL) for logs in (short, list(short.values())))
     assert dict(by_name) == dict(in_a_list)
     for call in (pamid.diagnose, pamid.evaluate):
-        with pytest.raises(ParameterError, match="'log' is a str.*Read a file with read_log"):
+        with pytest.raises(ParameterError, match=r"'log' is a str.*Read a file with read_log"):
             call("monday.csv", RAIL)
 
 

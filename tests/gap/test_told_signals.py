@@ -26,9 +26,7 @@ def tanks(gain: float) -> pd.DataFrame:
 def test_a_number_in_a_name_is_part_of_it() -> None:
     log = tanks(1.3).assign(h2=lambda table: table["y0"])
     ports = [Port("u0", "input", "V"), Port("h1", "state", "m"), Port("h2", "state", "m")]
-    evidence = evidence_of(
-        log, EquationSimulator({"dh1/dt": "0.02*(u0 - h1)", "dh2/dt": "0.02*h1 - 0.01*h2"}, ports)
-    )
+    evidence = evidence_of(log, EquationSimulator({"dh1/dt": "0.02*(u0 - h1)", "dh2/dt": "0.02*h1 - 0.01*h2"}, ports))
     assert "h1" in evidence.told("h1") and "h" not in evidence.told("h1")
     found = leftover(evidence, "h1", evidence.raw(evidence.z0))
     assert found["depends_on"] and set(found["depends_on"]) <= {"h1", "h2", "u0"}

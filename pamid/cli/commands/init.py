@@ -139,8 +139,16 @@ def _of_model(args: argparse.Namespace) -> int:
     from ...systems.draft import draft_for
     from .._clock import count_as_simulated, count_seconds
     from .._models import (
-        columns_of, declare_model, is_plain, join, lacking, model_page, take, with_units, without_column,
-    )  # fmt: skip
+        columns_of,
+        declare_model,
+        is_plain,
+        join,
+        lacking,
+        model_page,
+        take,
+        with_units,
+        without_column,
+    )
     from .._simulators import coded, outline
 
     model, code = Path(args.sim), coded(args.sim, args.trust)

@@ -180,7 +180,11 @@ class Wave:
     def words(self, name: str, unit: str = "-") -> str:
         """What the input does, for a reader."""
         shown = "" if unit == "-" else f" {unit}"
-        w, a, at = f"{_plain(self.frequency)} rad/s", f"{_plain(abs(self.amplitude))}{shown}", _plain(self.middle) + shown
+        w, a, at = (
+            f"{_plain(self.frequency)} rad/s",
+            f"{_plain(abs(self.amplitude))}{shown}",
+            _plain(self.middle) + shown,
+        )
         return {
             "sine": f"a sine in {name} of {w} and {a} about {at}",
             "triangle": f"a triangle in {name} of {w} and {a} about {at}",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,8 +16,8 @@ class Named(ABC):
 
     simulator: Simulator
     log: PortLog
-    equations: Sequence[str]
-    parts: Sequence[slice]
+    equations: list[str]
+    parts: list[slice]
     value: np.ndarray
     centre: np.ndarray
 

@@ -124,18 +124,18 @@ def diagnose(
     """
     say = progress or (lambda _: None)
     say("read the log")
-    log = logs_as_pandas(log)
+    given = logs_as_pandas(log)
     if isinstance(simulator, Simulator):
-        if isinstance(log, Mapping):
-            return diagnose_port_logs(log, simulator, effects, conditions, seed, say)
-        runs = runs_of(log)
+        if isinstance(given, Mapping):
+            return diagnose_port_logs(given, simulator, effects, conditions, seed, say)
+        runs = runs_of(given)
         try:
             change = odds_of_change(len(runs) - 1) if 1 < len(runs) <= MOST_DAYS else None
-            return diagnose_at_ports(log, simulator, effects, seed, say, change)
+            return diagnose_at_ports(given, simulator, effects, seed, say, change)
         except RunsDifferError:
             say("the runs differ: each is a log of its own")
             found = diagnose_port_logs(runs, simulator, effects, conditions, seed, say)
             return replace(found, notes=[*found.notes, APART])
-    if isinstance(log, Mapping):
-        return diagnose_bench_logs(log, simulator, effects, conditions, seed, say)
-    return diagnose_bench(log, simulator, effects, seed, say)
+    if isinstance(given, Mapping):
+        return diagnose_bench_logs(given, simulator, effects, conditions, seed, say)
+    return diagnose_bench(given, simulator, effects, seed, say)
