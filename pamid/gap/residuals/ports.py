@@ -30,7 +30,7 @@ from .beside import Beside
 from .between_rows import NOTE, STEPS
 from .coarse import noisy_copies
 from .linked import UNTURNED, Paths
-from .named import Named
+from .port_signals import PortSignals
 from .port_windows import PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces, repeating
@@ -49,7 +49,7 @@ FEWEST = 12
 """Windows below which two runs are too short to say what repeats."""
 
 
-class PortEvidence(Tolerances, Settled, Beside, Paths, Named, ABC):
+class PortEvidence(Tolerances, Settled, Beside, Paths, PortSignals, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they

@@ -11,7 +11,7 @@ from ...simulators.port_log import PortLog
 from .protocol import STATE
 
 
-class Named(ABC):
+class PortSignals(ABC):
     """What residuals at ports say of the state at their windows."""
 
     simulator: Simulator
