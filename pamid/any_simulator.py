@@ -68,7 +68,7 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
 
 @explained_by(together)
 def diagnose(
-    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    log: pd.DataFrame | Sequence[pd.DataFrame] | Mapping[str, pd.DataFrame],
     simulator: BenchParameters | Simulator,
     effects: str | Sequence[str] = "all",
     *,
@@ -83,9 +83,10 @@ def diagnose(
 
     Parameters
     ----------
-    log : DataFrame or mapping of str to DataFrame
-        ``trajectory``, ``time`` (s) and the simulator's signals; several logs by name, in the order in which they were
-        recorded. Of several logs causes are shared unless one came or went between two days.
+    log : DataFrame, list of DataFrame or mapping of str to DataFrame
+        ``trajectory``, ``time`` (s) and the simulator's signals; several logs in a list ("log", "log 2", ...) or by
+        name, in the order in which they were recorded. Of several logs causes are shared unless one came or went
+        between two days.
     since : History, optional
         An earlier diagnosis to continue: ``diagnosis.history``, or the result of `pamid.gap.several.read_history`. The
         logs are added to it.
@@ -122,9 +123,7 @@ def diagnose(
     """
     import pandas as pd
 
-    from .signals.frames import logs_as_pandas
-
-    log = logs_as_pandas(log)
+    from .signals.frames import free_names, logs_as_pandas
 
     if since is not None and effects != "all":
         raise ParameterError(
@@ -133,10 +132,11 @@ def diagnose(
             "Leave them out, or diagnose all logs anew.",
         )
     history = since if since is not None else History(simulator, library_of(effects, simulator))
-    logs = {_free_name(history): log} if isinstance(log, pd.DataFrame) else dict(log)
+    given = logs_as_pandas(log, history.logs)
+    logs = {free_names(1, history.logs)[0]: given} if isinstance(given, pd.DataFrame) else dict(given)
     if rows is not None:
         logs = simulator.counting(logs, rows)
-    alone = isinstance(log, pd.DataFrame) if alone is None else alone
+    alone = isinstance(given, pd.DataFrame) if alone is None else alone
     return go_on(history, logs, conditions=conditions, alone=alone, seed=seed, progress=progress)
 
 
@@ -148,8 +148,3 @@ def library_of(effects: str | Sequence[str], simulator: BenchParameters | Simula
     if not simulator.library:
         return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
     return chosen_effects(effects, simulator.library)
-
-
-def _free_name(history: History) -> str:
-    """Return a name for a log that has none."""
-    return next(name for name in ("log", *(f"log {k}" for k in range(2, 10_000))) if name not in history.logs)

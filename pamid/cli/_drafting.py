@@ -354,10 +354,11 @@ def tell(
     unsure = [g.signal for g in draft.guesses if g.signal and not g.sure]
     guessed = list(draft.supposed)
     assumed = list(draft.assumed())
-    options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
-    follow = (
-        following(args.log, options, files[0].parent) if draft.ports else [f"pamid check {quoted(args.log)} {options}"]
-    )
+    follow: list[str] = []
+    if files:
+        options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
+        follow = [f"pamid check {quoted(args.log)} {options}"]
+        follow = following(args.log, options, files[0].parent) if draft.ports else follow
     if args.json:
         print_json(
             {
@@ -369,8 +370,8 @@ def tell(
                 "rows": len(log),
                 "trajectories": [str(name) for name in log["trajectory"].unique()],
                 "doubts": [doubt] if doubt else [],
-                "next": "" if missing else follow[-1],
-                **({"commands": follow} if not missing else {}),
+                "next": follow[-1] if follow else "",
+                **({"commands": follow} if follow else {}),
             }
         )
         return
@@ -383,13 +384,13 @@ def tell(
     print(table(["signal", "lowest", "highest", "unit"], rows) + "\n")
     for path in files:
         print(f"wrote {path}")
-    if unsure or assumed or guessed:
+    if files and (unsure or assumed or guessed):
         what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed, *(f"the column of {s}" for s in guessed)])
         note(args, f"assumed: {what}. Look for ASSUMED in the files; correct or confirm it.")
     if doubt:
         note(args, f"{doubt}. Correct it before you use this log.")
     if missing:
-        print("\nThis log and simulator cannot be compared yet:", *missing, sep="\n  ")
+        print("This log and simulator cannot be compared yet, so nothing was written:", *missing, sep="\n  ")
         return
     print()
     show_commands(follow)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ..errors import MissingColumnError, ParameterError
 
 if TYPE_CHECKING:
-    from ..simulators import ModelParameter
+    from ..simulators import ModelParameter, Simulator
     from ..systems.draft import Draft
 
 _TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
@@ -52,8 +52,9 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
     )
 
 
-def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
-    """Give a draft the columns of its signals and the simulator file of equations."""
+def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> Simulator:
+    """Give a draft the columns of its signals and the simulator file of equations; return what it says."""
+    from ..simulators import page_text
     from ..simulators.equation_model import sides
 
     rates, outputs = sides(equations)
@@ -83,12 +84,17 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
         if right in rates and units[name] and not units[right]:
             units[right] = f"{units[name]}/s"  # a state that is the rate of another
     draft.ports = tuple(port._replace(unit=units[port.name]) for port in draft.ports)
-    draft.page = _page(draft, equations, numbers, starts)
+    simulator = _simulator(draft, equations, numbers, starts)
+    note = "[parameters]  # tolerance: how well each is known, 0.1 is 10 %; 0: fixed"
+    draft.page = page_text(simulator).replace("[parameters]", note)
+    return simulator
 
 
-def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]) -> str:
-    """Return the simulator file of equations; a number of a state is where it starts."""
-    from ..simulators import EquationSimulator, Port, page_text
+def _simulator(
+    draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]
+) -> Simulator:
+    """Return the simulator of equations; a number of a state is where it starts."""
+    from ..simulators import EquationSimulator, Port
 
     given = {name: _number(name, text) for name, text in starts.items()}
     ports = [
@@ -96,9 +102,7 @@ def _page(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]
              start=given[p.name].value if p.name in given else None)
         for p in draft.ports
     ]  # fmt: skip
-    found = {name: _number(name, text) for name, text in numbers.items()}
-    text = page_text(EquationSimulator(equations, ports, found))
-    return text.replace("[parameters]", "[parameters]  # tolerance: how well each is known, 0.1 is 10 %; 0: fixed")
+    return EquationSimulator(equations, ports, {name: _number(name, text) for name, text in numbers.items()})
 
 
 def _unit_of(draft: Draft, name: str) -> str:
@@ -113,7 +117,7 @@ def _unit_of(draft: Draft, name: str) -> str:
 def _number(name: str, text: str) -> ModelParameter:
     """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
     from ..signals.unit_names import parse_quantity
-    from ..signals.units import SI_UNITS, UNITS
+    from ..signals.units import SI_UNITS, UNITS, dimension_of
     from ..simulators import ModelParameter
 
     found = _TOLERANCE.match(text)
@@ -123,5 +127,7 @@ def _number(name: str, text: str) -> ModelParameter:
     if number and unit not in UNITS and _SI.fullmatch(unit):  # made of SI units: nothing has to be converted
         return ModelParameter(float(number["value"]), tolerance, unit)
     return ModelParameter(
-        parse_quantity(value, name), tolerance, SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-"
+        parse_quantity(value, None if dimension_of(name) else name),
+        tolerance,
+        SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-",
     )

@@ -120,16 +120,12 @@ def lacking(simulator: Simulator, columns: Mapping[str, str], doubts: Mapping[st
     acting = {p.through for p in simulator.ports if p.through}
     if any(p.kind == "input" and p.name in columns for p in signals):
         wanted = [p for p in wanted if p.name not in acting]  # none by itself, as a disturbance is
-    read = [p for p in signals if p.kind != "input"]
+    read = sorted((p for p in signals if p.kind != "input"), key=lambda p: p.kind == "state")  # outputs first
     wanted += [] if any(p.name in columns for p in read) else read[:1]
     return [
         f"no column is known for {p.source}{f' ({doubts[p.name]})' if p.name in doubts else ''}: add "
         f"--signal {p.source}=COLUMN{f':{p.unit}' if _plain(p.unit) else ''}"
-        + (
-            f", or start = VALUE for the port {p.name} in the simulator file if it is constant"
-            if p.kind == "input"
-            else ""
-        )
+        + (f", or --constant {p.source}=VALUE if it is constant" if p.kind == "input" else "")
         for p in wanted
     ]
 
@@ -144,12 +140,28 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
     )
 
 
+def with_units(draft: Draft, simulator: Simulator) -> None:
+    """Give the ports of a python-control system, which has no units, those of their columns."""
+    from dataclasses import replace
+
+    from ..signals.unit_names import find_unit
+    from ..signals.units import SI_UNITS
+
+    def unit(signal: str) -> str:
+        column = draft.of(signal)
+        return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else "-"
+
+    if simulator.kind == "control":
+        simulator.ports = tuple(replace(p, unit=unit(p.source)) if p.unit == "-" else p for p in simulator.ports)
+
+
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     """Return whether a simulator file alone describes the columns of a log: its clock and runs need no mapping."""
     from ..signals.headers import read_header
 
     clock, run = draft.of("time"), draft.of("trajectory")
-    ticks = clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
+    said = clock is not None and (clock.sure or not clock.unit)  # an assumed unit is to be seen
+    ticks = said and clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
     given = any(g.why == "given" and g.signal for g in draft.guesses)
     converted = any(m.unit and m.unit != (draft.unit_of(m.port) or m.unit) for m in found)
     converted |= any(read_header(m.column).bracketed for m in found)  # a log without a mapping loses the brackets
@@ -192,8 +204,9 @@ def _begun(simulator: Simulator, columns: Mapping[str, str]) -> list[Port]:
 
 
 def _signals(simulator: Simulator) -> list[Port]:
-    """Return the ports that a log may have a column of; not the torques that MuJoCo adds beside its actuators."""
+    """Return the ports that a log may have a column of; not torques beside MuJoCo's actuators, nor hidden states."""
     hidden = {p.through for p in simulator.ports if p.through and not p.column and simulator.kind == "mujoco"}
+    hidden |= set(simulator.hidden_states)
     return [p for p in simulator.ports if p.kind in ("input", "output", "state") and p.name not in hidden]
 
 

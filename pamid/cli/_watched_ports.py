@@ -76,12 +76,24 @@ def events_at_ports(
         "problems": problems,
     }  # fmt: skip
     if not watched:
+        refuse_a_table(samples)
         wanted = ", ".join(columns) or "columns of the ports"
         raise StreamError(
             f"Nothing was watched: the stream holds {count * (samples.interval or 0.0):.3g} s of samples"
             f"{'' if count or not problems else f'; its last line, {samples.last_problem}'}.",
             f"more than {args.learn:g} s of samples, in lines of JSON, with time and {wanted}",
             "Correct the stream, or learn for less time with --learn.",
+        )
+
+
+def refuse_a_table(samples: Samples) -> None:
+    """Raise where no line of a stream was a JSON object, as in a table."""
+    if (n := samples.problems["malformed"]) and not samples.objects:
+        raise StreamError(
+            f"None of the {n:,} lines is a JSON object; the first is {samples.first_problem}.",
+            'JSON lines, one object a sample, such as {"time": 0.01, ...}',
+            "Let the logger write them. A table is no stream: convert it (pandas: to_json(orient='records', "
+            "lines=True)), or diagnose it with 'pamid diagnose'.",
         )
 
 

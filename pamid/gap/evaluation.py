@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
 from ..errors import SimulatorWarning
-from ..signals.frames import as_pandas
+from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from .inference.student_t import solve
 from .one_equation import equation_of, evidence_on, noise_of
@@ -34,7 +34,7 @@ def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
 
 
 def evaluate(
-    log: pd.DataFrame | Iterable[pd.DataFrame],
+    log: pd.DataFrame | Iterable[pd.DataFrame] | Mapping[str, pd.DataFrame],
     simulator: BenchParameters | Simulator,
     *,
     progress: Callable[[str], None] | None = None,
@@ -45,8 +45,8 @@ def evaluate(
 
     Parameters
     ----------
-    log : DataFrame or iterable of DataFrame
-        ``trajectory``, ``time`` (s) and the simulator's signals; or pieces of such a log, each of whole runs.
+    log : DataFrame, iterable of DataFrame or mapping of str to DataFrame
+        ``trajectory``, ``time`` (s) and the simulator's signals; or several logs, or pieces of one, each of whole runs.
     simulator : BenchParameters or Simulator
         The simulator.
     progress : callable, optional
@@ -77,7 +77,8 @@ def evaluate(
     say = progress or (lambda _: None)
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
-    log = as_pandas(log)
+    log = logs_as_pandas(log)
+    log = list(log.values()) if isinstance(log, Mapping) else log
     if not isinstance(simulator, Simulator):
         return evaluate_log(log, simulator, progress=progress)
     for piece in [log] if isinstance(log, pd.DataFrame) else simulator.pieces(log):

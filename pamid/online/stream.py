@@ -68,7 +68,9 @@ class Samples:
         self.convert = convert
         kinds = ("malformed", "late", "gap", "restart", "missing", "lost", "glitch")
         self.problems = dict.fromkeys(kinds, 0)
-        self.last_problem = ""
+        self.first_problem = self.last_problem = ""
+        self.objects = 0
+        """Lines that hold a JSON object."""
         self._waiting: list[Row] = []
         self._rows: list[Row] = []
         self._last: Row | None = None
@@ -160,9 +162,8 @@ class Samples:
         try:
             if len(text) >= LONGEST_LINE:
                 raise ValueError(f"no end after {LONGEST_LINE} bytes")
-            found = json.loads(text)
-            if not isinstance(found, dict):
-                raise ValueError(f"a {type(found).__name__} instead of an object")
+            found = _object(text)
+            self.objects += 1
             row = found if self.convert is None else self.convert(found)
             values = [_number(row.get("time"), "time"), *(_number(row.get(c), c) for c in self.columns)]
             if not math.isfinite(values[0]):
@@ -171,10 +172,22 @@ class Samples:
             self.problems["malformed"] += 1
             shown = text[:60].decode("utf-8", "replace")
             self.last_problem = f"{shown!r}: {str(error)[:80]}"
+            self.first_problem = self.first_problem or f"{shown!r}"
             return None
         if any(math.isnan(v) for v in values):
             self.problems["missing"] += 1
         return values
+
+
+def _object(text: bytes) -> dict[str, Any]:
+    """Return the JSON object in a line."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise ValueError("no JSON object")
+    return found
 
 
 def without_glitches(values: np.ndarray) -> int:

@@ -21,6 +21,7 @@ from .quantities import (
     probability,
     run_named,
 )
+from .when import when
 from .words import BENCH, Words
 
 if TYPE_CHECKING:
@@ -186,7 +187,8 @@ def where(d: Diagnosis) -> str:
         bench = words.in_equation(first).endswith(" equation")
         text = f"The gap is in {'the equations of ' if bench else ''}{listed(parts)}"
     part = "it" if len(told) == 1 else f"the part {words.in_equation(first)}"
-    return f"{text}; {_region_text(d.regions, first, part, words)}{_band_text(d, first)}.{_event_text(d)}{_left_out(d)}"
+    text += f"; {_region_text(d.regions, first, part, words)}{_band_text(d, first)}."
+    return f"{text}{when(d)}{_event_text(d)}{_left_out(d)}"
 
 
 def _event_text(d: Diagnosis) -> str:

@@ -81,7 +81,7 @@ def tidy(
             keep &= np.isin(values, how.allowed)
         if how.range is not None:
             keep &= (values >= how.range[0]) & (values <= how.range[1])
-        if how.own or not how.check:
+        if how.own or not how.check or (signal == "time" and how.unit):
             unchecked.add(signal)
         zero = _zero(zero_run, places[signal], signal, path, mapping) if how.subtract_zero_run else 0.0
         columns[signal] = to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)

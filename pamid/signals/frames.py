@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
+from itertools import count, islice
+from pathlib import PurePath
 from typing import Any
 
-from ..errors import ColumnTypeError
+from ..errors import ColumnTypeError, ParameterError
 
 _FOREIGN = ("polars", "pyarrow")
 
@@ -30,8 +32,27 @@ def as_pandas(table: Any) -> Any:
     return convert()
 
 
-def logs_as_pandas(log: Any) -> Any:
-    """Return a log, or several by name, with data frames of polars and pyarrow converted to pandas."""
+def logs_as_pandas(log: Any, taken: Collection[str] = ()) -> Any:
+    """Return a log, or several by name, with data frames of polars and pyarrow converted to pandas.
+
+    Those of a list are "log", "log 2", ..., without the names that are taken.
+    """
+    if isinstance(log, str | PurePath | list | tuple):
+        log = log if isinstance(log, list | tuple) else [log]
+        log = dict(zip(free_names(len(log), taken), log, strict=True))
     if isinstance(log, Mapping):
-        return {name: as_pandas(table) for name, table in log.items()}
+        found = {name: as_pandas(table) for name, table in log.items()}
+        if wrong := [name for name, table in found.items() if getattr(table, "columns", None) is None]:
+            raise ParameterError(
+                f"{wrong[0]!r} is a {type(found[wrong[0]]).__name__}.",
+                "a table; several in a list or by name",
+                "Read a file with read_log first.",
+            )
+        return found
     return as_pandas(log)
+
+
+def free_names(n: int, taken: Collection[str] = ()) -> list[str]:
+    """Return names for logs that have none."""
+    free = (name for k in count(1) if (name := f"log {k}" if k > 1 else "log") not in taken)
+    return list(islice(free, n))

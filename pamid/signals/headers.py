@@ -23,6 +23,9 @@ _ASIDES = {
 """What parentheses hold beside units."""
 _BRACKETS = re.compile(r"([\[({<])\s*([^\[\](){}<>]*(?:\([^()]*\))?)\s*[\])}>]")
 
+WITH_D = r"(?!(?<=d)(?<![^\W_]d)[A-Z](?![A-Za-z]))"
+"""Pattern of a place that is not within a letter and the d of its change, as in dV."""
+
 
 class Header(NamedTuple):
     """What a header says."""
@@ -96,7 +99,7 @@ def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
 
 
 def _tokens(text: str) -> list[str]:
-    spaced = re.sub(r"(?<=[a-zäöüß])(?=[A-Z])|(?<=[A-Za-zäöü])(?=\d)", " ", text)
+    spaced = re.sub(rf"(?<=[a-zäöüß])(?=[A-Z]){WITH_D}|(?<=[A-Za-zäöü])(?=\d)", " ", text)
     return [w for w in re.split(r"[^\w°%µ]+|_", spaced) if w]
 
 

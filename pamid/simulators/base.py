@@ -143,6 +143,11 @@ class Simulator(AnySimulator):
         return tuple(self.parameters)
 
     @property
+    def hidden_states(self) -> tuple[str, ...]:
+        """States that only stand inside the model: no log has a column of them."""
+        return ()
+
+    @property
     def own_ports(self) -> tuple[Port, ...]:
         """Its ports."""
         return self.ports

@@ -73,6 +73,9 @@ class ControlSimulator(Simulator):
         _refuse_alike([label for some in labels.values() for label in some])
         named = [Port(_plain(label), kind) for kind, some in labels.items() for label in some]
         super().__init__(merged(named, ports), {}, effects)
+        said = {p.name for p in ports if p != Port(p.name, "state")}
+        unnamed = {_plain(label) for k, label in enumerate(found.state_labels) if label == f"x[{k}]"}
+        self._hidden = tuple(name for name in self.states if name in unnamed - said)
 
     @classmethod
     def from_page(
@@ -91,6 +94,11 @@ class ControlSimulator(Simulator):
     def page_table(self, folder: Path) -> dict[str, Any]:
         """Return the entries of the simulator file's table."""
         return {"system": written_source(self.source, self.folder, folder)}
+
+    @property
+    def hidden_states(self) -> tuple[str, ...]:
+        """States of a realisation that python-control numbers and no simulator file names."""
+        return self._hidden
 
     def rate(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return A x + B u."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 
+from ..signals.headers import WITH_D
+
 _ROLES = {
     "command": "cmd command commanded commands des desired ref reference references target targets tgt trg ctrl "
     "control setpoint setpoints set goal action actions sp d plan planned demand demanded desire wanted leader master "
@@ -73,9 +75,9 @@ _WITHIN = re.compile(f"({'|'.join(re.escape(w) for w in _KNOWN if not w.isascii(
 
 
 def tokens(name: str) -> list[str]:
-    """Return the words and numbers of a name in small letters, compounds of known words in parts."""
+    """Return the words and numbers of a name in small letters, compounds of known words in parts; dV is one word."""
     spaced = re.sub(
-        r"(?<=[a-zäöüß])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name
+        rf"(?<=[a-zäöüß])(?=[A-Z]){WITH_D}|(?<=[A-Z])(?=[A-Z][a-z])|(?<=[^\W\d_])(?=\d)|(?<=\d)(?=[^\W\d_])", " ", name
     )
     found: list[str] = []
     for word in (part for w in re.split(r"[\W_]+", spaced.casefold()) if w for part in _parts(w)):

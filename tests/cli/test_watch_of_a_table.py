@@ -24,4 +24,7 @@ def test_a_table_is_told_to_be_no_stream(tmp_path: Path, capsys: pytest.CaptureF
     (tmp_path / "oven.toml").write_text(PAGE)
     (tmp_path / "log.csv").write_text("time,P,T\n" + "".join(f"{0.1 * k},1,2\n" for k in range(50)))
     assert main(["watch", str(tmp_path / "log.csv"), "--sim", str(tmp_path / "oven.toml")]) == 2
-    assert "its last line, " in capsys.readouterr().err
+    error = capsys.readouterr().err
+    assert "None of the 51 lines is a JSON object; the first is 'time,P,T'" in error
+    assert "column 1" not in error
+    assert "Expected JSON lines, one object a sample" in error and "pamid diagnose" in error

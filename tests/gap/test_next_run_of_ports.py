@@ -13,7 +13,7 @@ from pamid.cli import main
 from pamid.errors import ExcitationError, ParameterError
 from pamid.gap import settings
 from pamid.gap.design.known import cleaned
-from pamid.gap.design.port_family import PortLimits
+from pamid.gap.design.port_family import PortLimits, PortRun, Wave
 from pamid.gap.design.search import plan_next
 from pamid.gap.diagnosis.rivals import Rival
 from pamid.gap.simulated import evidence_of
@@ -69,6 +69,13 @@ def test_an_input_that_is_held_stands_in_the_set_points() -> None:
     run = limits.near(rng, limits.draw(rng, "steps"), 0.25)
     assert (run.set_points("a")["w"] == 0.5).all() and "w held at 0.5" in run.words
     assert np.ptp(run.set_points("a")["u"]) > 0.0
+
+
+def test_a_run_is_told_with_units_and_plain_numbers() -> None:
+    limits = PortLimits({"u0": (0.0, 1500.0), "w": (0.0, 1.0)}, {}, 10.0, seconds=14412.9, units={"u0": "W"})
+    run = PortRun("steps", 14412.9, {"w": Wave("hold", 0.5), "u0": Wave("steps", 839.2, 660.8, 0.0094)}, limits)
+    told = "steps in u0 of 661 W to either side of 839 W, one every 334 s; w held at 0.5, for 14400 s"
+    assert run.words == told
 
 
 def test_a_run_is_played_as_the_simulator_with_its_effects_goes() -> None:

@@ -59,6 +59,20 @@ def days() -> dict[str, pd.DataFrame]:
     return {"monday": recorded(1), "friday": recorded(2, dry=1.0)}
 
 
+def test_logs_in_a_list_are_taken_like_logs_by_name(days: dict[str, pd.DataFrame], monkeypatch) -> None:
+    given: dict[str, pd.DataFrame] = {}
+    monkeypatch.setattr("pamid.any_simulator.go_on", lambda history, logs, **_: given.update(logs))
+    pamid.diagnose(list(days.values()), RAIL)
+    assert list(given) == ["log", "log 2"]
+    assert given["log 2"] is days["friday"]
+    short = {name: log[:300] for name, log in days.items()}
+    by_name, in_a_list = (pamid.evaluate(logs, RAIL) for logs in (short, list(short.values())))
+    assert dict(by_name) == dict(in_a_list)
+    for call in (pamid.diagnose, pamid.evaluate):
+        with pytest.raises(ParameterError, match=r"'log' is a str.*Read a file with read_log"):
+            call("monday.csv", RAIL)
+
+
 @pytest.fixture(scope="module")
 def changed(days):
     return diagnose_simulator(days, RAIL, LIBRARY)

@@ -401,6 +401,8 @@ def test_checks_can_be_overruled(tmp_path):
     assert len(read_log(tmp_path / "slow.csv", check_units=False)) == 3
     overruled = {"time": {"check": False}, "q": {"check": False}}
     assert len(read_log(tmp_path / "slow.csv", overruled)) == 3
+    stated = {"time": {"unit": "s"}, "q": {"unit": "deg"}}  # a clock whose unit is stated may be as slow as it says
+    assert read_log(tmp_path / "slow.csv", stated)["time"].tolist() == [0.0, 1.0, 2.0]
 
 
 # --- the objects ----------------------------------------------------------------------------------------------

@@ -34,7 +34,7 @@ from .._drafting import (
     write,
 )
 from .._simulators import add_trust_option
-from ..common import add_command, print_json, table
+from ..common import DONE, WRONG_USE, add_command, print_json, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -79,8 +79,8 @@ def add_parser(subparsers: Any) -> None:
     parser.add_argument(
         "--sim",
         metavar="MODEL",
-        help="a MuJoCo model (.xml), an FMU, or a simulator file (.toml): find the columns of its ports, and "
-        "write a simulator file if there is none",
+        help="a MuJoCo model (.xml), an FMU, a python-control system (FILE.py:NAME), or a simulator file (.toml): find "
+        "the columns of its ports, and write a simulator file if there is none",
     )
     add_trust_option(parser)
     parser.add_argument(
@@ -137,16 +137,29 @@ def _of_model(args: argparse.Namespace) -> int:
     """Write the mapping of a log where names, units or the clock need one, and the page of a model that has none."""
     from ...simulators.page import MODELS, bare_model
     from ...systems.draft import draft_for
-    from .._models import columns_of, declare_model, is_plain, join, lacking, model_page, take, without_column
-    from .._simulators import outline
+    from .._clock import count_as_simulated, count_seconds
+    from .._models import (
+        columns_of,
+        declare_model,
+        is_plain,
+        join,
+        lacking,
+        model_page,
+        take,
+        with_units,
+        without_column,
+    )
+    from .._simulators import coded, outline
 
-    model = Path(args.sim)
-    given_page = model.suffix.lower() not in MODELS
+    model, code = Path(args.sim), coded(args.sim, args.trust)
+    given_page = code is None and model.suffix.lower() not in MODELS
     draft = draft_for(args.log, encoding=args.encoding)
-    simulator = outline(model, args.trust) if given_page else bare_model(model)
+    simulator = code or (outline(model, args.trust) if given_page else bare_model(model))
     draft.own_page = model if given_page else None
     draft.clear()
     declare_model(draft, simulator)
+    if simulator.kind != "mujoco":  # a mechanism moves too fast for one row a second
+        count_seconds(draft)
     for pair in args.signal:
         assign(draft, pair)
     hold(draft, pairs(args.constant, "--constant"))
@@ -165,18 +178,21 @@ def _of_model(args: argparse.Namespace) -> int:
     folder = checked_folder(args, FILES[:1] if given_page else FILES)
     take(draft, simulator, found, doubts)
     draft.settle()
+    if args.trust or not simulator.executes:
+        count_as_simulated(draft, simulator)
     log = tried(draft, draft.read)
-    known = {p.name: p.source for p in simulator.ports if draft.of(p.source) is not None}
+    known = {p.name: p.source for p in simulator.ports if draft.of(p.source) is not None or p.source in draft.fixed()}
     missing = lacking(simulator, known, doubts)
     if not given_page:
+        with_units(draft, simulator)
         draft.page = model_page(simulator, known, folder, mapped=True)
     if not args.json:
         show(draft)
     doubt = "" if missing else without_column(draft, simulator, doubts)
     if args.trust and given_page and not missing:
         _try(simulator, log)
-    tell(args, draft, log, write(draft, folder), doubt, missing)
-    return 0
+    tell(args, draft, log, [] if missing else write(draft, folder), doubt, missing)
+    return WRONG_USE if missing else DONE
 
 
 def _try(simulator: Simulator, log: pd.DataFrame) -> None:
@@ -261,6 +277,7 @@ def _run(args: argparse.Namespace) -> int:
 def _of_equations(args: argparse.Namespace) -> int:
     """Write the page of equations, and the mapping of their log."""
     from ...systems.draft import draft_for
+    from .._clock import count_as_simulated, count_seconds
     from .._equations import declare_equations, settle_equations, split_equations
 
     if args.kind:
@@ -269,11 +286,13 @@ def _of_equations(args: argparse.Namespace) -> int:
     draft, ask = draft_for(args.log, encoding=args.encoding), Asker(False)
     draft.clear()
     declare_equations(draft, equations, numbers)  # names mean what the equations say
+    count_seconds(draft)
     for pair in args.signal:
         assign(draft, pair)
     hold(draft, pairs(args.constant, "--constant"))
     try:
-        settle_equations(draft, equations, numbers)
+        simulator = settle_equations(draft, equations, numbers)
+        count_as_simulated(draft, simulator)
         ask_for_columns(draft, ask)
         refer(draft, ask, args.assume)
     finally:

@@ -14,7 +14,7 @@ from ...errors import IncompatibleError, ParameterError, StreamError
 from ...json_data import json_ready
 from ...requirements import last_step
 from .._simulators import add_trust_option
-from .._watched_ports import events_at_ports, note_left_out
+from .._watched_ports import events_at_ports, note_left_out, refuse_a_table
 from ..common import add_command
 
 if TYPE_CHECKING:
@@ -138,6 +138,7 @@ def _events(args: argparse.Namespace, source: Iterator[bytes | None], simulator:
         "problems": {k: v for k, v in samples.problems.items() if v},
     }
     if not watcher.watched:
+        refuse_a_table(samples)
         raise StreamError(
             f"Nothing was watched: {watcher.why or silence.last(samples)}",
             f"more than {args.learn:g} s of samples with time, eps, P and F or mdot in SI",

@@ -46,6 +46,8 @@ class PortLimits(Family):
     """Column of each input in a log, where it is not its name."""
     keeps: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Range in which readings are to stay, where that is not what the logs have visited and as much again."""
+    units: Mapping[str, str] = field(default_factory=dict)
+    """Unit of each input, for a reader."""
     held: Mapping[str, float] = field(default_factory=dict)
     """Inputs that are held at a value."""
     kinds: tuple[str, ...] = KINDS[:-1]
@@ -175,15 +177,20 @@ class Wave:
         x = motion(self.kind, t, self.amplitude, self.frequency, self.seed)
         return slewed(self.middle + x, rate * float(t[1] - t[0]))
 
-    def words(self, name: str) -> str:
+    def words(self, name: str, unit: str = "-") -> str:
         """What the input does, for a reader."""
-        w, a, at = f"{self.frequency:.3g} rad/s", f"{abs(self.amplitude):.3g}", f"{self.middle:.3g}"
+        shown = "" if unit == "-" else f" {unit}"
+        w, a, at = (
+            f"{_plain(self.frequency)} rad/s",
+            f"{_plain(abs(self.amplitude))}{shown}",
+            _plain(self.middle) + shown,
+        )
         return {
-            "sine": f"{name} a sine of {w} and {a} about {at}",
-            "triangle": f"{name} a triangle of {w} and {a} about {at}",
-            "steps": f"{name} steps of {a} to either side of {at} every {math.pi / self.frequency:.2g} s",
-            "multisine": f"{name} four sines from {w} on, of {a} together about {at}",
-            "chirp": f"{name} a sine of {a} about {at} that goes from {w} to five times that",
+            "sine": f"a sine in {name} of {w} and {a} about {at}",
+            "triangle": f"a triangle in {name} of {w} and {a} about {at}",
+            "steps": f"steps in {name} of {a} to either side of {at}, one every {_plain(math.pi / self.frequency)} s",
+            "multisine": f"four sines in {name} from {w} on, of {a} together about {at}",
+            "chirp": f"a sine in {name} of {a} about {at} that goes from {w} to five times that",
             "hold": f"{name} held at {at}",
         }[self.kind]
 
@@ -222,8 +229,15 @@ class PortRun:
     @property
     def words(self) -> str:
         """What the run is, for a reader."""
-        return f"{', '.join(wave.words(name) for name, wave in self.inputs.items())}, {self.seconds:.3g} s"
+        moved = sorted(self.inputs.items(), key=lambda one: one[1].kind == "hold")
+        units = self.limits.units
+        return f"{'; '.join(w.words(name, units.get(name, '-')) for name, w in moved)}, for {_plain(self.seconds)} s"
 
     def as_dict(self) -> dict[str, Any]:
         """Return the numbers of the run."""
         return {"kind": self.kind, "seconds": self.seconds, "inputs": {n: vars(w) for n, w in self.inputs.items()}}
+
+
+def _plain(x: float) -> str:
+    """Return three digits without a power of ten, as far as that is short."""
+    return f"{float(f'{x:.3g}'):g}"

@@ -272,7 +272,7 @@ def port_rig(
     allowed = PortLimits.of(
         [(e.log, e.driven()) for e in each], limits, rates, keeps=dict(keep),
         seconds=seconds or round(runs * last.log.usual_seconds, 9), runs=runs,
-        columns={p.name: p.source for p in simulator.ports},
+        columns={p.name: p.source for p in simulator.ports}, units={p.name: p.unit for p in simulator.ports},
     )  # fmt: skip
     best = next((r for r in rivals if r.effects.keys() <= last.placements.keys()), None)
     noise = noise_of(each, best) if best else {}

@@ -89,11 +89,13 @@ def regions(evidence: ResidualSource, equation: str, power: np.ndarray, most: in
     """Return the regions of the state that hold most of an equation's gap in few samples, largest share first."""
     part = evidence.parts[evidence.equations.index(equation)]
     names = _JOINT_FEATURES if equation in ("joint", "joint_modelled") else _FEATURES
+    told = evidence.told(equation) if evidence.one_sided else {}
     sides, total = np.unique(evidence.side[part]), float(power[part].sum())
     found: list[Region] = []
     for side in sides:
         mine = evidence.side[part] == side
-        state = {evidence.column(n, int(side)): evidence.state[n][part][mine] for n in names}
+        muscle = {} if told else {evidence.column(n, int(side)): evidence.state[n] for n in names}
+        state = {n: x[part][mine] for n, x in (told or muscle).items()}
         state = {n: x for n, x in state.items() if np.all(np.isfinite(x))}
         found += _of_one_side(equation, state, power[part][mine], total, len(mine), most // len(sides))
     return sorted(found, key=lambda r: -r.share)

@@ -28,8 +28,8 @@ def leftover(evidence: ResidualSource, equation: str, z: np.ndarray) -> dict[str
     part = evidence.parts[evidence.equations.index(equation)]
     y = (z[part] * evidence.noise[part]).clip(*np.quantile(z[part] * evidence.noise[part], (0.001, 0.999)))
     state = {
-        evidence.column(name).removesuffix("1"): values[part]
-        for name, values in evidence.state.items()
+        (name if evidence.one_sided else name.removesuffix("1")): values[part]
+        for name, values in evidence.told(equation).items()
         if np.all(np.isfinite(values[part])) and np.ptp(values[part]) > 0
     }
     found: dict[str, Any] = {"equation": equation}

@@ -356,6 +356,10 @@ class Evidence:
         """Return the column of `pamid.gap.state_table` with a signal of the state of a muscle, the first by default."""
         return name if name in ("q", "dq") else f"{name}{side + 1}"
 
+    def told(self, equation: str) -> dict[str, np.ndarray]:
+        """Return what tells a reader where the windows of an equation lie, by the names of the first muscle."""
+        return {self.column(name): values for name, values in self.state.items()}
+
     @property
     def state(self) -> dict[str, np.ndarray]:
         """The state at each window, by the names of `STATE`; NaN where it has none."""

@@ -27,8 +27,9 @@ from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
 from .linked import UNTURNED, Paths
+from .port_signals import PortSignals
 from .port_windows import PortWindows
-from .protocol import STATE, Active, Spec
+from .protocol import Active, Spec
 from .repeats import pieces
 from .settled import Settled
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
@@ -38,7 +39,7 @@ MOST_KEPT = 256 * 2**20
 """Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
 
 
-class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, ABC):
+class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -263,11 +264,6 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, ABC):
             made.append((place, place.made(values)))
         return made
 
-    # --- what a subclass says -------------------------------------------------------------------------------
-    @abstractmethod
-    def roles(self, equation: str) -> dict[str, str]:
-        """Return for an equation the signal behind each name of `STATE`, as far as there is one."""
-
     # --- the protocol ---------------------------------------------------------------------------------------
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run, or piece of one, with which each window is left out in turn, and how many there are.
@@ -374,17 +370,3 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, ABC):
         if place.acts and place.effect.follows_path() and not self._turns(place.follows.get("position", "")):
             return min(prior, UNTURNED)
         return prior
-
-    @property
-    def state(self) -> dict[str, np.ndarray]:
-        """The state at each window, by the names of `STATE`; NaN where it has none."""
-        signals = self.signals()
-        out = {name: np.full(len(self.value), np.nan) for name in STATE}
-        for equation, part in zip(self.equations, self.parts, strict=True):
-            for name, signal in self.roles(equation).items():
-                out[name][part] = signals[signal][self.centre[part]]
-        return out
-
-    def column(self, name: str, side: int = 0) -> str:
-        """Return the user's name of a signal of the state."""
-        return self.roles(self.equations[side]).get(name, name) if side < len(self.equations) else name

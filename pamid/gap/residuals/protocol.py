@@ -151,6 +151,10 @@ class ResidualSource(Protocol):
         """Return the user's name of a signal of the state."""
         ...
 
+    def told(self, equation: str) -> dict[str, np.ndarray]:
+        """Return what tells a reader where the windows of an equation lie, by the user's names."""
+        ...
+
 
 def lanes(evidence: ResidualSource) -> np.ndarray:
     """Number the windows by equation, run and side, in their order."""

@@ -34,7 +34,7 @@ def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 
 def diagnose(
-    log: pd.DataFrame | Mapping[str, pd.DataFrame],
+    log: pd.DataFrame | Sequence[pd.DataFrame] | Mapping[str, pd.DataFrame],
     simulator: BenchParameters | Simulator,
     effects: str | Sequence[str] = "all",
     *,
@@ -55,10 +55,11 @@ def diagnose(
 
     Parameters
     ----------
-    log : DataFrame or mapping of str to DataFrame
+    log : DataFrame, list of DataFrame or mapping of str to DataFrame
         ``trajectory``, ``time`` (s) and the simulator's signals; of a bench ``q`` (rad), ``P1``, ``P2`` (Pa, absolute),
         ``F1``, ``F2`` (N), ``mdot1``, ``mdot2`` (kg/s), ``u1``, ``u2``, without some of which the equations that read
-        them are left out. Several logs by name, in the order in which they were recorded.
+        them are left out. Several logs in a list ("log", "log 2", ...) or by name, in the order in which they were
+        recorded.
     simulator : BenchParameters or Simulator
         The simulator, with its tolerances.
     effects : "all" or sequence of str, default="all"
@@ -123,18 +124,18 @@ def diagnose(
     """
     say = progress or (lambda _: None)
     say("read the log")
-    log = logs_as_pandas(log)
+    given = logs_as_pandas(log)
     if isinstance(simulator, Simulator):
-        if isinstance(log, Mapping):
-            return diagnose_port_logs(log, simulator, effects, conditions, seed, say)
-        runs = runs_of(log)
+        if isinstance(given, Mapping):
+            return diagnose_port_logs(given, simulator, effects, conditions, seed, say)
+        runs = runs_of(given)
         try:
             change = odds_of_change(len(runs) - 1) if 1 < len(runs) <= MOST_DAYS else None
-            return diagnose_at_ports(log, simulator, effects, seed, say, change)
+            return diagnose_at_ports(given, simulator, effects, seed, say, change)
         except RunsDifferError:
             say("the runs differ: each is a log of its own")
             found = diagnose_port_logs(runs, simulator, effects, conditions, seed, say)
             return replace(found, notes=[*found.notes, APART])
-    if isinstance(log, Mapping):
-        return diagnose_bench_logs(log, simulator, effects, conditions, seed, say)
-    return diagnose_bench(log, simulator, effects, seed, say)
+    if isinstance(given, Mapping):
+        return diagnose_bench_logs(given, simulator, effects, conditions, seed, say)
+    return diagnose_bench(given, simulator, effects, seed, say)

@@ -313,6 +313,15 @@ class StackedEvidence:
         each = [{k: v[log.evidence.centre] for k, v in log.evidence.signals().items()} for log in self.logs]
         return {name: self._gathered([s[name] for s in each]) for name in each[0] if all(name in s for s in each)}
 
+    def told(self, equation: str) -> dict[str, np.ndarray]:
+        """Return what tells a reader where the windows of an equation lie, by the user's names."""
+        if not self.one_sided:
+            return {self.column(name): values for name, values in self.state.items()}
+        each = [log.evidence.told(equation) if equation in log.evidence.equations else {} for log in self.logs]
+        names = dict.fromkeys(name for signals in each for name in signals)
+        none = [np.full(len(log.evidence.time), np.nan) for log in self.logs]
+        return {n: self._gathered([s.get(n, x) for s, x in zip(each, none, strict=True)]) for n in names}
+
     @property
     def state(self) -> dict[str, np.ndarray]:
         """The state at each window, by the names of `STATE`; NaN where it has none."""
