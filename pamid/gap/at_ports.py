@@ -13,7 +13,7 @@ from .design.experiment import next_for_equation
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
-from .inference.so_far import where_so_far
+from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
 from .residuals.direct import DirectEvidence
@@ -49,11 +49,17 @@ def diagnose_at_ports(
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
-    other = otherwise(evidence, found, log)
-    if other is None:
+    if INTERRUPTED in found.notes:  # who interrupted the search waits for no other
         return found
-    say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
-    return diagnose_evidence(other, effects, seed, say, change)[0]
+
+    def again() -> Diagnosis:
+        other = otherwise(evidence, found, log)
+        if other is None:
+            return found
+        say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
+        return diagnose_evidence(other, effects, seed, say, change)[0]
+
+    return unless_stopped(again, lambda: replace(found, notes=[*found.notes, INTERRUPTED]))
 
 
 def diagnose_evidence(
@@ -108,7 +114,7 @@ def diagnose_evidence(
             predicted = ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines)
             predicted.notes.append(DROWNED)
             return diagnose_evidence(predicted, effects, seed, say, change)
-    return told(found, evidence), known.learned
+    return twice(lambda _: told(found, evidence)), known.learned
 
 
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
