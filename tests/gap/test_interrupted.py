@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid import report
 from pamid.cli import main
 from pamid.gap import diagnose_simulator, engine
 from pamid.gap.diagnosis.result import Diagnosis
@@ -127,13 +128,23 @@ def test_who_ends_the_process_wants_no_answer(log: pd.DataFrame) -> None:
         diagnose_simulator(log, RAILS, LIBRARY, progress=stopping("sensitivity to maxwell", Ended))
 
 
+def test_nothing_is_known_before_readings_are_compared(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Competition, "_begun", stop)
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_simulator(log.assign(v=1.2 * log["v"]), RAILS, ["sensor_gain"])
+
+
+@pytest.mark.parametrize("what", ["search", "report"])
 def test_the_command_writes_what_it_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], log: pd.DataFrame
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], log: pd.DataFrame
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Competition, "_settled", stop)
+    monkeypatch.setattr(*((Competition, "_settled", stop) if what == "search" else (report, "report_html", stop)))
     log.to_csv(tmp_path / "log.csv", index=False)
     (tmp_path / "rails.toml").write_text(
         'kind = "equations"\n[equations]\n"dx/dt" = "v"\n"dv/dt" = "F/m"\n"dy/dt" = "w"\n"dw/dt" = "G/m"\n'
@@ -146,7 +157,9 @@ def test_the_command_writes_what_it_has(
     code = main(["diagnose", str(tmp_path / "log.csv"), *where, "--effects", "viscous_friction,quadratic_drag"])
     told = capsys.readouterr()
     assert code == 0 and "viscous friction" in told.out.splitlines()[0]
-    assert "The search was interrupted" in " ".join(told.out.split()) and (tmp_path / "out" / "report.html").exists()
+    assert ("The search was interrupted" in " ".join(told.out.split())) == (what == "search")
+    assert (tmp_path / "out" / "report.html").exists() == (what == "search")
+    assert (tmp_path / "out" / "diagnosis.json").exists()
     assert "so far" in told.err
 
 

@@ -184,12 +184,14 @@ def write(
     step: Callable[[str], None] | None = None,
     log: pd.DataFrame | None = None,
 ) -> list[Path]:
-    """Write report, diagnosis and corrected simulator into a folder, all of them or none."""
+    """Write report, diagnosis and corrected simulator into a folder, all of them or none; an interrupt ends a report."""
+    from ...gap.inference.so_far import unless_stopped
     from ...report import report_html
 
     with replacing_together(folder, FILES) as stage:
         d.notes.extend(write_corrected(d, stage, folder, log))
-        write_whole(stage / "report.html", report_html(d, source, step))
+        if report := unless_stopped(lambda: report_html(d, source, step), str):
+            write_whole(stage / "report.html", report)
         write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
             history.write(stage, folder)
