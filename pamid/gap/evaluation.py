@@ -85,7 +85,7 @@ def evaluate(
         evidence = residuals_of(piece, simulator)
         _warn_of_idle(evidence)
         units |= evidence.units
-        residuals = _timed(evidence)
+        residuals = timed(evidence)
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
             for k, name in enumerate(evidence.trajectories):
                 mine = evidence.run[part] == k
@@ -98,7 +98,7 @@ def evaluate(
     return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})
 
 
-def _timed(evidence: PortEvidence) -> np.ndarray:
+def timed(evidence: PortEvidence) -> np.ndarray:
     """Return the residuals with the unknowns within a sample fitted: clocks, and how inputs act there."""
     # Whether inputs are held or go in lines is decided with that fitted: errors before and after a correction compare.
     own = np.array([name in evidence.skews for name in evidence.free], dtype=bool)

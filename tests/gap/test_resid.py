@@ -91,6 +91,29 @@ def test_the_command_names_the_input(stroke, tmp_path, capsys):
     assert "one of force" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("mass", [2.0, 2.4])
+def test_noise_is_not_blamed_on_the_signals_of_a_simulator(mass, tmp_path, capsys):
+    rng, t, runs = np.random.default_rng(0), np.arange(0, 8, 0.01), []
+    for k in range(2):
+        w = np.array([1.0 + k, 2.3, 4.1])[:, None]
+        F = np.sum(np.cos(w * t), axis=0)
+        v, x = np.sum(np.sin(w * t) / w, axis=0) / 2.0, np.sum(-np.cos(w * t) / w**2, axis=0) / 2.0
+        x, v = (z + 1e-3 * coloured(rng, len(t), 0.7) for z in (x, v))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, "x": x, "v": v}))
+    write_log(pd.concat(runs), tmp_path / "log.parquet")
+    (tmp_path / "sim.toml").write_text(
+        f'kind = "equations"\n[equations]\n"dx/dt" = "v"\n"dv/dt" = "F/{mass}"\n[ports]\n'
+        'F = { kind = "input", unit = "N" }\nx = { kind = "state", unit = "m" }\nv = { kind = "state", unit = "m/s" }\n'
+    )
+    words = ["resid", str(tmp_path / "log.parquet"), "--sim", str(tmp_path / "sim.toml"), "--lags", "10", "--quiet"]
+    assert main([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["equations"]
+    assert all(set(test["inputs"]) == {"x", "v", "F"} for test in found.values())
+    assert main(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert ("misses something" in said) == (mass != 2.0) and ("No larger than the noise" in said) == (mass == 2.0)
+
+
 def test_a_saved_model_is_presented_and_tested(tmp_path, capsys):
     rng = np.random.default_rng(0)
     t = np.arange(0, 4, 0.01)
