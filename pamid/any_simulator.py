@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .errors import ParameterError
 from .explained import explained_by
+from .face import check_simulator
 from .gap.several import History, go_on
 from .gap.several.logs import diagnose as together
 
@@ -104,7 +105,7 @@ def diagnose(
     UnknownOptionError
         The library has no effect of such a name.
     ParameterError
-        ``effects`` with ``since``, or ``rows`` for several logs or another simulator.
+        ``simulator`` is none, ``effects`` with ``since``, or ``rows`` for several logs or another simulator.
     MissingColumnError, ShortTrajectoryError, ExcitationError, IncompatibleError
         The logs cannot be used.
 
@@ -126,6 +127,7 @@ def diagnose(
 
     log = logs_as_pandas(log)
 
+    check_simulator(simulator)
     if since is not None and effects != "all":
         raise ParameterError(
             "Effects are named together with an earlier diagnosis.",

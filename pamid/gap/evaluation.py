@@ -11,6 +11,7 @@ import numpy as np
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
 from ..errors import SimulatorWarning
+from ..face import check_simulator
 from ..signals.frames import as_pandas
 from ..simulators.base import Simulator
 from .inference.student_t import solve
@@ -60,6 +61,8 @@ def evaluate(
 
     Raises
     ------
+    ParameterError
+        ``simulator`` is none.
     MissingColumnError, ShortTrajectoryError, SimulatorRunError
         The log cannot be used, or the simulator does not run on it.
 
@@ -74,6 +77,7 @@ def evaluate(
     """
     import pandas as pd
 
+    check_simulator(simulator)
     say = progress or (lambda _: None)
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
