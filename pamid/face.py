@@ -118,8 +118,9 @@ def check_simulator(given: object) -> None:
     if isinstance(given, AnySimulator):
         return
     if isinstance(given, (str, Path)):
+        text = repr(str(given))
         raise ParameterError(
-            f"The simulator is the text {str(given)!r}.", "a simulator", f"Read it: pamid.read_simulator({str(given)!r})."
+            f"The simulator is the text {text}.", "a simulator", f"Read it: pamid.read_simulator({text})."
         )
     raise ParameterError(
         f"The simulator is of type {type(given).__name__}.",

@@ -86,11 +86,9 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
             "longer runs, or more columns",
             "Run 'pamid evaluate', which says why.",
         )
-    found = {name: pd.concat(tables) for name, tables in parts.items()}
-    return {
-        name: Left(table, all_equations()[name].unit, _within(table["residual"].to_numpy(), np.concatenate(noise[name])))
-        for name, table in found.items()
-    }
+    tables = {name: pd.concat(some) for name, some in parts.items()}
+    within = {name: _within(t["residual"].to_numpy(), np.concatenate(noise[name])) for name, t in tables.items()}
+    return {name: Left(table, all_equations()[name].unit, within[name]) for name, table in tables.items()}
 
 
 def _within(residual: np.ndarray, noise: np.ndarray) -> bool:

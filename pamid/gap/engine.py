@@ -13,7 +13,7 @@ from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
-from .inference.hypotheses import Screen
+from .inference.hypotheses import Outcome, Screen
 from .inference.run_off import Run, by_running
 from .inference.runs_differ import RunsDifferError, runs_differ
 from .inference.sensitivity import Template
