@@ -13,6 +13,7 @@ from .design.experiment import next_for_equation
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
+from .inference.gauss_newton import Fitter
 from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
@@ -23,7 +24,7 @@ from .residuals.protocol import Spec
 from .residuals.shooting import ShootingEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
-from .simulated import evidence_of, learn, otherwise, outward, runner
+from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,17 +50,27 @@ def diagnose_at_ports(
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
-    if INTERRUPTED in found.notes:  # who interrupted the search waits for no other
-        return found
 
-    def again() -> Diagnosis:
+    def cut() -> Diagnosis:
+        return replace(found, notes=[*found.notes, INTERRUPTED])
+
+    def with_noise_of_inputs() -> Diagnosis:
+        if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found)).z):
+            return found
+        say("once more with the noise of inputs, which causes had hidden")
+        return diagnose_evidence(evidence, effects, seed, say, change)[0]
+
+    def with_inputs_otherwise() -> Diagnosis:
         other = otherwise(evidence, found, log)
         if other is None:
             return found
         say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
         return diagnose_evidence(other, effects, seed, say, change)[0]
 
-    return unless_stopped(again, lambda: replace(found, notes=[*found.notes, INTERRUPTED]))
+    for again in (with_noise_of_inputs, with_inputs_otherwise):
+        if not found.interrupted:  # who interrupted the search waits for no other
+            found = unless_stopped(again, cut)
+    return found
 
 
 def diagnose_evidence(

@@ -17,10 +17,10 @@ from .diagnosis.result import Diagnosis
 from .inference.floor import sense_of
 from .inference.sensitivity import templates
 from .residuals.on_equation import OnEquation, Table
-from .residuals.ports import REPLICATES
 from .residuals.rates import with_rates
 from .residuals.single import SignalEvidence, Stated
 from .residuals.units import Units
+from .residuals.window_noise import REPLICATES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -50,7 +50,8 @@ INCLUDED = 0.95
 CLASS, CLASS_SHARE = 2.0, 0.004
 """Score difference that an inexact form can explain: nats, and share of the gain."""
 MATERIAL = 0.1
-"""Smallest share of a gap, or of what is predictable in it, that a report mentions; it affects no name."""
+"""Smallest share of a gap, or of what is predictable in it, that a report mentions, and of an input's deviation that
+drives a system rather than being noise of its sensor; it affects no name."""
 FAR, FEW = 8.0, 4
 """Residuals beyond this multiple of their noise, in this many windows, are a gap by themselves."""
 

@@ -22,6 +22,7 @@ from .diagnosis.findings import Candidate, Cause, Closure, ParameterEstimate
 from .diagnosis.result import Diagnosis
 from .inference.first_order import FirstOrder
 from .inference.floor import Learnable, Learned, explainable
+from .inference.gauss_newton import Fitter
 from .inference.run_off import Run
 from .inference.sensitivity import Template, laid
 from .inference.so_far import alone_so_far, in_words, stopped
@@ -99,16 +100,11 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
     Which it is was asked before the causes were known, and a large gap says little of what happens within a sample.
     Where the other one needs one cause at an input less, such as a delay of half a sample, or explains more, it is so.
     """
-    from .inference.gauss_newton import Fitter
-
     simulator = evidence.simulator
     direct = isinstance(evidence, DirectEvidence) and simulator.form == "ode"
     if not direct or simulator.one_by_one or found.verdict in ("none", "untested"):  # one by one it would take too long
         return None
-    spec = {}
-    for cause in found.added:
-        key = "@".join([cause.effects[0], *cause.where[:1]])
-        spec[key] = evidence.placements[key].inward({k: p.value for k, p in cause.parameters.items()})
+    spec = added(evidence, found)
     other = evidence_of(log, evidence.given, evidence.refit, lines=not evidence.lines)
     if type(other) is not type(evidence) or other.parts != evidence.parts:
         return None
@@ -119,6 +115,15 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
         there.refine({k: v for k, v in spec.items() if k != one}).loglik > here - LEAST_GAIN for one in at_inputs
     )
     return other if as_much or there.refine(spec).loglik > here + LEAST_GAIN else None
+
+
+def added(evidence: PortEvidence, found: Diagnosis) -> dict[str, dict[str, float]]:
+    """Return the effects that are added to a simulator, as its evidence has them."""
+    spec = {}
+    for cause in found.added:
+        key = "@".join([cause.effects[0], *cause.where[:1]])
+        spec[key] = evidence.placements[key].inward({k: p.value for k, p in cause.parameters.items()})
+    return spec
 
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:

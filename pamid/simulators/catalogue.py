@@ -168,7 +168,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
             unit = unit.removesuffix("/s") or "-"
         size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
         if joint.through:
-            size /= abs(survey.pushes.get((joint.through, joint.velocity), 1.0)) or 1.0
+            size /= survey.pushes.get((joint.through, joint.velocity), 1.0)
         size /= joint.lever.typical if joint.lever else 1.0
         enters, at = ("input", joint.through) if joint.through else ("state", joint.velocity)
         for name, effect in _effects_at("joint"):
@@ -201,9 +201,10 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
         if state in moving or not span > 0.0:
             continue
         name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
-        size, push = survey.gaps.get(state, 0.0), 1.0
+        size, push = survey.gaps.get(state, 0.0), survey.pushes.get((through, state), 1.0)
+        if push < 0.0:  # what flows with it empties the store
+            through, unit, push = "", rate_unit(simulator, state), 1.0
         if through:
-            push = abs(survey.pushes.get((through, state), 1.0)) or 1.0
             size, unit = size / push, simulator.port(through).unit
         scales = Scales(time=survey.time, target=size / GAP["flow"] or 1.0, **_head(signal, survey, state))
         enters, at = ("input", through) if through else ("state", state)

@@ -84,11 +84,13 @@ def joints_of(
                         f"one of its states: {', '.join(simulator.states)}",
                         f"Name the state that {name!r} reads: forces of a joint act along its states.",
                     )
-            velocity = port.velocity or pairs.get(port.position, "")
-            unit = port.unit if port.unit != "-" or not port.through else simulator.port(port.through).unit
+            velocity, through = port.velocity or pairs.get(port.position, ""), port.through
+            unit = port.unit if port.unit != "-" or not through else simulator.port(through).unit
+            if pushes.get((through, velocity), 1.0) < 0.0:  # a force along it would act against the motion it follows
+                through, unit = "", "-"
             if unit == "-" and velocity:
                 unit = rate_unit(simulator, velocity)
-            found.append(JointPort(port.name, port.position, velocity, port.through, unit))
+            found.append(JointPort(port.name, port.position, velocity, through, unit))
     known = {j.position for j in found} | {j.velocity for j in found}
     taken = {j.through for j in found}
     speeds = {v: k for k, v in pairs.items()}
@@ -97,7 +99,7 @@ def joints_of(
         is_speed = bool(position) or simulator.port(name).unit.endswith("/s")
         if name in known or not is_speed:
             continue
-        drives = [u for u in simulator.inputs if (u, name) in pushes and u not in taken]
+        drives = [u for u in simulator.inputs if pushes.get((u, name), 0.0) > 0.0 and u not in taken]
         through = drives[0] if drives else ""
         taken |= {through} if through else set()
         unit = simulator.port(through).unit if through else rate_unit(simulator, name)

@@ -77,6 +77,9 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     elif gain <= evidence.least_gain:
         # Where no hypothesis survives an exact fit, draws of the linear ones add no evidence.
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
+    # What closes no more than the noise hides is no cause: the noise may be estimated too large.
+    if not np.any((base.left > 1.0 - EXCESS) & (best.left < base.left)):
+        chance = 1.0
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
     if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
         verdict.part_of = shapley(competition.fitter, base.fit, best.fit)

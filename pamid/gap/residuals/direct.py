@@ -300,7 +300,7 @@ class DirectEvidence(UndoneEvidence):
     ) -> np.ndarray:  # fmt: skip
         log, simulator = self.log, self.simulator
         readings = dict(channels or log.channels)
-        restored = channels is not None
+        restored = any(x is not log.channels.get(n) for n, x in readings.items() if n not in simulator.inputs)
         for place, made in active:
             if place.enters == "output" and place.at in simulator.states:
                 readings[place.at] = place.truth(made, readings[place.at], log.dt, log.starts)
@@ -477,15 +477,18 @@ class DirectEvidence(UndoneEvidence):
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
-        log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
-        for j in self.joints:
+        log, joints, spans = self.log, self.joints, {name: float(np.ptp(x)) for name, x in self._table.items()}
+        for j in joints:
             if not j.position:
                 spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
         readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
-        tops = {k: float(np.max(np.abs(x))) for k, x in self._table.items()}
-        lows = {k: float(np.min(x)) for k, x in self._table.items()}
-        length = log.usual_seconds
-        return SignalSizes(spans, tops, lows, gaps, readings, self.pushes, self.joints, length, log.dt, self.feeds)
+        tops, lows = ({k: float(of(x)) for k, x in self._table.items()} for of in (lambda x: np.max(np.abs(x)), np.min))
+        if self.says_forces:  # as the rates that they cause
+            push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in joints}
+            gaps = {name: gap * push.get(name, 1.0) for name, gap in gaps.items()}
+        return SignalSizes(
+            spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds
+        )
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""

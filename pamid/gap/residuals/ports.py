@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
@@ -13,7 +12,6 @@ from types import MappingProxyType
 import numpy as np
 
 from ...effects import Effect
-from ...equations.noise import channel_noise
 from ...errors import SimulatorRunError, UnitWarning, UnknownOptionError
 from ...remembered import Remembered
 from ...simulators.base import Simulator
@@ -24,31 +22,23 @@ from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
-from ..inference.student_t import scale, solve
+from ..inference.student_t import RobustFit, scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
-from .coarse import noisy_copies
 from .linked import UNTURNED, Paths
 from .port_windows import PortWindows
 from .protocol import STATE, Active, Spec
-from .repeats import pieces, repeating
+from .repeats import pieces
 from .settled import Settled
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
-from .whitening import Whitening, memory_of, smoothed
+from .window_noise import WindowNoise
 
-REPLICATES = 6
-"""Copies of the log with as much noise again, from which the noise of each window is taken."""
-NEAR = 12
-"""Windows to either side over which the noise of one is averaged."""
 MOST_KEPT = 256 * 2**20
 """Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
-_LEAST = 1e-6
-FEWEST = 12
-"""Windows below which two runs are too short to say what repeats."""
 
 
-class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
+class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -131,17 +121,15 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
         self.value = self._residual(self._own, self.simulator.numbers)
         self._refuse_not_finite(self.value)
         self.skipped: dict[str, str] = {}
-        self._draw_noise()
-        self.memory = np.ones(len(self.parts))
-        self._repeat()
-        self._whiten()
-        self.weights = 1.0 / self.memory
         self.pace = self.sizes.time
         self.stretch = 0.3 / self.pace
+        self._draw_noise()
+        self._correlate()
         self.z0 = self._whitening.white(self.value / self.noise)
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
+        self.hear_inputs(self._without_causes().z)
         if STEPS in self.skews and not self._stepped_alone():
             self._set_aside(STEPS)
         if self.lines:
@@ -159,7 +147,20 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     def base_loglik(self) -> float:
         """Return the likelihood of the log without any cause."""
-        return solve(self.z0, self.J, *self.ends, self.parts, self.weights).loglik
+        return self._without_causes().loglik
+
+    def hear_inputs(self, z: np.ndarray) -> bool:
+        """Return whether what a fit leaves shows the noise of inputs, which then counts."""
+        if not self._hear_inputs(z):
+            return False
+        self._laid.clear()
+        self.z0 = self._whitening.white(self.value / self.noise)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
+        return True
+
+    def _without_causes(self) -> RobustFit:
+        """Return the fit of parameters and clocks without any cause."""
+        return solve(self.z0, self.J, *self.ends, self.parts, self.weights)
 
     @abstractmethod
     def _with_lines(self) -> np.ndarray:
@@ -264,118 +265,8 @@ class PortEvidence(Tolerances, Settled, Beside, Paths, ABC):
 
     # --- what a subclass says -------------------------------------------------------------------------------
     @abstractmethod
-    def _residual(
-        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
-    ) -> np.ndarray:
-        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
-
-    @abstractmethod
     def roles(self, equation: str) -> dict[str, str]:
         """Return for an equation the signal behind each name of `STATE`, as far as there is one."""
-
-    # --- noise ----------------------------------------------------------------------------------------------
-    def _accuracy(self, equation: int) -> float:
-        """Return the least noise of an equation, as a share of its measured side."""
-        return 0.0
-
-    def channel_noise(self, name: str, width: int = 10) -> float:
-        """Return the standard deviation of a channel's noise per sample."""
-        x = self.log.channels[name]
-        found = [channel_noise(x[a:b], width).white for a, b in self.log.spans]
-        return float(np.sqrt(np.average(np.square(found), weights=[b - a for a, b in self.log.spans])))
-
-    def _noisy(self) -> list[str]:
-        """Return the channels that are noisy readings; commands are exact."""
-        commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
-        return [name for name in self.log.channels if name not in commands]
-
-    def _draw_noise(self) -> None:
-        """Estimate the noise of each window from copies of the log with as much noise again."""
-        rng = np.random.RandomState(0)
-        known = {n: self.channel_noise(n) for n in self._noisy()}
-        sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
-        lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
-        self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
-        drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
-        self.noise = np.empty(len(self.value))
-        self._drawn, self._whitening = drawn, Whitening()
-        for k, part in enumerate(self.parts):
-            power = np.mean(np.square(drawn[:, part]), axis=0)
-            for run in np.unique(self.run[part]):
-                mine = self.run[part] == run
-                power[mine] = smoothed(power[mine], NEAR)
-            typical = float(np.median(power)) if len(power) else 0.0
-            accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
-            least = max(0.04 * typical, accuracy**2, 1e-300)
-            self.noise[part] = np.sqrt(np.maximum(power, least))
-
-    def _repeat(self) -> None:
-        """Estimate the noise from repeated runs: no model of these signals predicts their difference.
-
-        Neighbouring samples underestimate it where readings were smoothed, or drift; then it is also correlated, and
-        that many windows count as one.
-        """
-        found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
-        inputs, channels = self.simulator.inputs, self.log.channels
-        if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats
-            channels = {k: x for k, x in channels.items() if k in inputs}
-        for pair in repeating(replace(self.log, channels=channels), inputs):
-            for k, spread in enumerate(self._differences(*pair)):
-                if len(spread) >= FEWEST:
-                    memory = memory_of(spread, np.zeros(len(spread), int))
-                    found[k].append((float(np.mean(np.square(spread))), memory, len(spread)))
-        for k, (part, some) in enumerate(zip(self.parts, found, strict=True)):
-            if some:
-                power, memory, count = np.array(some).T
-                more = float(np.average(power, weights=count))
-                self.noise[part] *= np.sqrt(max(1.0, more))
-                self.memory[k] = float(np.average(memory, weights=count)) if more > 1.0 else 1.0
-
-    def _differences(self, a: int, b: int) -> list[np.ndarray]:
-        """Return for each equation by how much the residuals of two runs differ, in units of the noise of both."""
-        found = []
-        for part in self.parts:
-            one, two = self._common(part, a, b)
-            spread = self.value[one] - self.value[two]
-            found.append(spread / np.hypot(self.noise[one], self.noise[two]))
-        return found
-
-    def _common(self, part: slice, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
-        """Return the windows of an equation that two runs have at the same times."""
-        mine = [np.flatnonzero(self.run[part] == k) for k in (a, b)]
-        at = [self.first[part][m] - self.log.starts[k] for m, k in zip(mine, (a, b), strict=True)]
-        _, one, two = np.intersect1d(*at, return_indices=True)
-        return part.start + mine[0][one], part.start + mine[1][two]
-
-    def _whiten(self) -> None:
-        """Estimate the correlation of the noise of neighbouring windows."""
-        self._whitening = Whitening()
-        for part in self.parts:
-            self._whitening.learn(part, self._drawn[:, part] / self.noise[part], self.run[part])
-
-    def remember(self, left: Sequence[np.ndarray]) -> None:
-        """Estimate each equation's noise correlation time from a flexible learner's residuals."""
-        for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
-            if len(rest) > 8:
-                memory = max(
-                    float(self.memory[k]),
-                    memory_of(self._whitening.only(part, rest / self.noise[part], len(self.value)), self.run[part]),
-                )
-                self.weights[k] = 1.0 / memory
-                step = float(np.median(np.diff(self.time[part])))
-                span = len(rest) * step
-                self.stretch = max(
-                    self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3 / self.pace, span / 24.0)))
-                )
-
-    def widen(self, times: Mapping[str, float]) -> None:
-        """Scale the noise of equations."""
-        for equation, part in zip(self.equations, self.parts, strict=True):
-            self.noise[part] *= times.get(equation, 1.0)
-            self._drawn[:, part] *= times.get(equation, 1.0)
-        self._laid.clear()
-        self.z0 = self._whitening.white(self.value / self.noise)
-        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
 
     # --- the protocol ---------------------------------------------------------------------------------------
     def pieces(self) -> tuple[np.ndarray, int]:

@@ -208,7 +208,7 @@ class PredictedEvidence(StretchEvidence):
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
     ) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
-        key = hash((x0.tobytes(), u.tobytes(), named(acting, p), self.lines))
+        key = hash((x0.tobytes(), u.tobytes(), named(acting, p), self.lines, self.substeps))
         return self._kept_states.get(key, lambda: self._simulated(x0, u, p, acting, many))
 
     def _simulated(

@@ -194,6 +194,12 @@ class ShootingEvidence(PredictedEvidence):
             found[name] = self._compared(active, active, *map(self._fold, near))
         return found
 
+    def _under_inputs(self, u: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals under other inputs, to first order."""
+        base = self._drive(self._own, self.simulator.numbers)
+        near = self._near(self._x0, base, Drive(base.u + u - self._u, base.p, self._own, self.lines))
+        return self._compared(self._own, self._own, *map(self._fold, near))
+
     def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
         on, inputs = super()._passes_on(active)
         read = [(place, made) for place, made in active if place.enters == "output"]

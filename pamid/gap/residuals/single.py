@@ -126,6 +126,9 @@ class SignalEvidence(PortEvidence):
     def _with_lines(self) -> np.ndarray:
         return np.zeros(len(self.z0))
 
+    def _under_inputs(self, u: np.ndarray) -> np.ndarray:
+        return np.zeros(len(self.value))
+
     def _again(self) -> None:
         """What is cached of other parameters stays right."""
 

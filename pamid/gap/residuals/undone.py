@@ -38,9 +38,7 @@ from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import SMALL, rms
-
-REACH = 8
-"""Windows to each side over which undoing a fault is taken to filter the noise."""
+from .window_noise import NEAR
 
 
 class UndoneEvidence(PortEvidence, ABC):
@@ -75,6 +73,11 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return the effects of the simulator with other numbers, made, where they can act on the log."""
         there = [(self.placements.get(f"{name}@{where}"), values) for name, where, values in simulator.effects]
         return [(place, place.made(values)) for place, values in there if place is not None]
+
+    def _under_inputs(self, u: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals under other inputs."""
+        numbers, other = self.simulator.numbers, dict(zip(self.simulator.inputs, u, strict=True))
+        return self._residual(self._own, numbers, {**self.log.channels, **other}) - self._residual(self._own, numbers)
 
     @property
     def motion(self) -> tuple[np.ndarray, np.ndarray]:
@@ -223,5 +226,5 @@ def _key(spec: Spec) -> str:
 
 
 def _neighbours(z: np.ndarray) -> np.ndarray:
-    """Return each window's residual and those of its neighbours on both sides, shape (n, 2 REACH + 1)."""
-    return np.lib.stride_tricks.sliding_window_view(np.pad(z, REACH), 2 * REACH + 1)
+    """Return each window's residual and those of its neighbours on both sides, shape (n, 2 NEAR + 1)."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(z, NEAR), 2 * NEAR + 1)

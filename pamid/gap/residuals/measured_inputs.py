@@ -1,0 +1,74 @@
+r"""Noise of inputs that are measured, such as a pressure or a current: it counts where residuals show it.
+
+A command is exact, with all that its controller adds; what drives the system is not the noise of a sensor that reads an
+input. Which of the two an input is shows in what residuals leave from window to window, where gaps, which are slow,
+show little: it has the size of the noise of readings alone, or of that of both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ...equations.noise import channel_noise
+from ..settings import EXCESS, LEAST_GAIN, MATERIAL
+
+
+def rough_inputs(u: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
+    """Return the standard deviation of what is white in each input; 0 where it is none, or most of the input."""
+    found = np.zeros(len(u))
+    for k, row in enumerate(u):
+        power = [channel_noise(row[a:b], 1).white ** 2 for a, b in spans]
+        sigma = float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
+        found[k] = sigma if sigma < MATERIAL * float(np.std(row)) else 0.0  # more drives the system
+    return found
+
+
+def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], parts: Sequence[slice]) -> list[int]:
+    """Return which inputs' noise residuals show, none of them where they show less or more than that.
+
+    `left` are the residuals without what is slow, `readings` draws of the noise of readings, and `inputs` of each
+    input's, made alike.
+    """
+    size = _sizes(left[None], parts)
+    alone = _sizes(readings, parts)
+    best, chosen = _unlikely(size, alone, parts) - LEAST_GAIN, list[int]()
+    for some in ([*range(len(inputs))], *([k] for k in range(len(inputs)) if len(inputs) > 1)):
+        both = _sizes(readings + np.sum([inputs[k] for k in some], axis=0), parts)
+        known = _uncertain(parts)
+        if np.all(size <= both * (1.0 + known)) and (value := _unlikely(size, both, parts)) < best:
+            best, chosen = value, some
+    return chosen
+
+
+def exceeds(left: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> bool:
+    """Return whether residuals without what is slow are larger than the noise of readings."""
+    return bool(np.any(_sizes(left[None], parts) > _sizes(readings, parts)))
+
+
+def _uncertain(parts: Sequence[slice]) -> np.ndarray:
+    """Return by how much the size of noise is uncertain, relative: as a gap may exceed it, and of few windows more."""
+    return np.array([EXCESS + 3.0 / np.sqrt(2.0 * max(p.stop - p.start, 1)) for p in parts])
+
+
+def _sizes(z: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    return np.array([np.sqrt(np.mean(np.square(z[:, part]))) if part.stop > part.start else 1.0 for part in parts])
+
+
+def _unlikely(size: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> float:
+    """Return the negative logarithm of the likelihood of residuals of a size under noise of another."""
+    count = np.array([part.stop - part.start for part in parts])
+    return float(count @ (np.log(noise) + 0.5 * np.square(size / noise)))
+
+
+def without_slow(z: np.ndarray, starts: Sequence[int], around: int) -> np.ndarray:
+    """Return residuals less their means over the windows around, within lanes."""
+    out = np.array(z, dtype=float)
+    for a, b in pairwise([*starts, len(z)]):
+        before = np.concatenate([[0.0], np.cumsum(z[a:b])])
+        at = np.arange(b - a)
+        low, high = np.maximum(at - around, 0), np.minimum(at + around + 1, b - a)
+        out[a:b] -= (before[high] - before[low]) / (high - low)
+    return out

@@ -1,0 +1,229 @@
+"""The noise of each window: of readings, of measured inputs, and of what repeated runs show."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from ...equations.noise import channel_noise
+from ...remembered import Remembered
+from ...simulators.base import Simulator
+from ...simulators.port_log import PortLog
+from .coarse import noisy_copies
+from .measured_inputs import exceeds, rough_inputs, shown, without_slow
+from .protocol import Active
+from .repeats import repeating
+from .tolerances import rms
+from .whitening import Whitening, memory_of, smoothed
+
+REPLICATES = 6
+"""Copies of the log with as much noise again, from which the noise of each window is taken."""
+NEAR = 12
+"""Windows to either side over which the noise of one is averaged."""
+MEASURED = "The noise of {} counts: the residuals show it, so that it is measured rather than commanded."
+_LEAST = 1e-6
+FEWEST = 12
+"""Windows below which two runs are too short to say what repeats."""
+
+
+class WindowNoise(ABC):
+    """The noise of the windows of a log at ports, estimated from the log itself."""
+
+    log: PortLog
+    simulator: Simulator
+    simulates: bool
+    equations: list[str]
+    parts: list[slice]
+    run: np.ndarray
+    first: np.ndarray
+    time: np.ndarray
+    value: np.ndarray
+    measured: np.ndarray
+    noise: np.ndarray
+    weights: np.ndarray
+    memory: np.ndarray
+    notes: list[str]
+    stretch: float
+    pace: float
+    z0: np.ndarray
+    J: np.ndarray
+    free: list[str]
+    n: int
+    _u: np.ndarray
+    _own: Active
+    _laid: Remembered[np.ndarray]
+    _copies: list[dict[str, np.ndarray]]
+    _drawn: np.ndarray
+    _heard = False
+    _whitening: Whitening
+
+    @abstractmethod
+    def _residual(
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
+    ) -> np.ndarray:
+        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
+
+    @abstractmethod
+    def _slopes_at(self, active: Active, x: np.ndarray, step: float = 1.0) -> np.ndarray:
+        """Return the change of the residuals by one tolerance of each parameter."""
+
+    @abstractmethod
+    def _under_inputs(self, u: np.ndarray) -> np.ndarray:
+        """Return the change of the residuals under other inputs."""
+
+    def _accuracy(self, equation: int) -> float:
+        """Return the least noise of an equation, as a share of its measured side."""
+        return 0.0
+
+    def channel_noise(self, name: str, width: int = 10) -> float:
+        """Return the standard deviation of a channel's noise per sample."""
+        x = self.log.channels[name]
+        found = [channel_noise(x[a:b], width).white for a, b in self.log.spans]
+        return float(np.sqrt(np.average(np.square(found), weights=[b - a for a, b in self.log.spans])))
+
+    def _noisy(self) -> list[str]:
+        """Return the channels that are noisy readings; commands are exact."""
+        commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
+        return [name for name in self.log.channels if name not in commands]
+
+    def _draw_noise(self) -> None:
+        """Estimate the noise of each window from copies of the log with as much noise again."""
+        rng = np.random.RandomState(0)
+        known = {n: self.channel_noise(n) for n in self._noisy()}
+        sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
+        lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
+        self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
+        drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
+        self.noise = np.empty(len(self.value))
+        self._drawn = drawn
+        self._level()
+
+    def _level(self) -> None:
+        """Set the noise of each window from draws of the noise of all."""
+        for k, part in enumerate(self.parts):
+            power = np.mean(np.square(self._drawn[:, part]), axis=0)
+            for run in np.unique(self.run[part]):
+                mine = self.run[part] == run
+                power[mine] = smoothed(power[mine], NEAR)
+            typical = float(np.median(power)) if len(power) else 0.0
+            accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
+            least = max(0.04 * typical, accuracy**2, 1e-300)
+            self.noise[part] = np.sqrt(np.maximum(power, least))
+
+    def _hear_inputs(self, z: np.ndarray) -> bool:
+        """Add the noise of inputs where what a fit leaves, white, shows it; return whether it does."""
+        if self._heard or self.simulator.form == "algebraic":  # whose inputs are readings anyway
+            return False
+        sigma = rough_inputs(self._u, self.log.spans)
+        if not np.any(sigma):
+            return False
+        begin = {p.start for p in self.parts}
+        new = [k for k in range(len(self.run)) if k in begin or self.run[k] != self.run[k - 1]]
+
+        def quick(z: np.ndarray) -> np.ndarray:
+            return (
+                z if self.simulates else without_slow(z, new, NEAR)
+            )  # predictions lose little by little what noise adds
+
+        def judged(r: np.ndarray) -> np.ndarray:
+            return quick(self._whitening.white(r / self.noise))
+
+        left = quick(z)
+        readings = np.array([judged(one) for one in self._drawn])
+        if not exceeds(left, readings, self.parts):
+            return False
+        rng, count = np.random.RandomState(1), len(self._drawn)
+        different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
+        draws = [
+            [self._under_inputs(self._u + e[:, None] * rng.standard_normal(self._u.shape)) for _ in range(different)]
+            for e in np.diag(sigma)[sigma > 0.0]
+        ]
+        alike = [np.array([judged(one) for one in each]) for each in draws]
+        which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
+        for k in which:
+            self._drawn += np.array(draws[k])[np.arange(count) % different]
+        if which:
+            names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
+            self._heard = True
+            self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
+            self._level()
+            self._correlate()
+        return bool(which)
+
+    def _correlate(self) -> None:
+        """Estimate how the noise of each window goes with that of others."""
+        self.memory = np.ones(len(self.parts))
+        self._repeat()
+        self._whiten()
+        self.weights = 1.0 / self.memory
+
+    def _repeat(self) -> None:
+        """Estimate the noise from repeated runs: no model of these signals predicts their difference.
+
+        Neighbouring samples underestimate it where readings were smoothed, or drift; then it is also correlated, and
+        that many windows count as one.
+        """
+        found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
+        inputs, channels = self.simulator.inputs, self.log.channels
+        if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats
+            channels = {k: x for k, x in channels.items() if k in inputs}
+        for pair in repeating(replace(self.log, channels=channels), inputs):
+            for k, spread in enumerate(self._differences(*pair)):
+                if len(spread) >= FEWEST:
+                    memory = memory_of(spread, np.zeros(len(spread), int))
+                    found[k].append((float(np.mean(np.square(spread))), memory, len(spread)))
+        for k, (part, some) in enumerate(zip(self.parts, found, strict=True)):
+            if some:
+                power, memory, count = np.array(some).T
+                more = float(np.average(power, weights=count))
+                self.noise[part] *= np.sqrt(max(1.0, more))
+                self.memory[k] = float(np.average(memory, weights=count)) if more > 1.0 else 1.0
+
+    def _differences(self, a: int, b: int) -> list[np.ndarray]:
+        """Return for each equation by how much the residuals of two runs differ, in units of the noise of both."""
+        found = []
+        for part in self.parts:
+            one, two = self._common(part, a, b)
+            spread = self.value[one] - self.value[two]
+            found.append(spread / np.hypot(self.noise[one], self.noise[two]))
+        return found
+
+    def _common(self, part: slice, a: int, b: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the windows of an equation that two runs have at the same times."""
+        mine = [np.flatnonzero(self.run[part] == k) for k in (a, b)]
+        at = [self.first[part][m] - self.log.starts[k] for m, k in zip(mine, (a, b), strict=True)]
+        _, one, two = np.intersect1d(*at, return_indices=True)
+        return part.start + mine[0][one], part.start + mine[1][two]
+
+    def _whiten(self) -> None:
+        """Estimate the correlation of the noise of neighbouring windows."""
+        self._whitening = Whitening()
+        for part in self.parts:
+            self._whitening.learn(part, self._drawn[:, part] / self.noise[part], self.run[part])
+
+    def remember(self, left: Sequence[np.ndarray]) -> None:
+        """Estimate each equation's noise correlation time from a flexible learner's residuals."""
+        for k, (part, rest) in enumerate(zip(self.parts, left, strict=True)):
+            if len(rest) > 8:
+                memory = max(
+                    float(self.memory[k]),
+                    memory_of(self._whitening.only(part, rest / self.noise[part], len(self.value)), self.run[part]),
+                )
+                self.weights[k] = 1.0 / memory
+                step = float(np.median(np.diff(self.time[part])))
+                span = len(rest) * step
+                self.stretch = max(
+                    self.stretch, float(np.clip(3.0 * memory * step, 0.0, max(0.3 / self.pace, span / 24.0)))
+                )
+
+    def widen(self, times: Mapping[str, float]) -> None:
+        """Scale the noise of equations."""
+        for equation, part in zip(self.equations, self.parts, strict=True):
+            self.noise[part] *= times.get(equation, 1.0)
+            self._drawn[:, part] *= times.get(equation, 1.0)
+        self._laid.clear()
+        self.z0 = self._whitening.white(self.value / self.noise)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))

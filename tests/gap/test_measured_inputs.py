@@ -1,0 +1,54 @@
+"""Inputs that are measured have noise that never acts on the system; commands act with all that they hold."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import diagnose_simulator
+from pamid.simulators import EquationSimulator, Port
+
+ROTOR = EquationSimulator(
+    {"dq/dt": "w", "dw/dt": "40*i - 60*sin(q) - 0.8*w"},
+    [Port("i", "input", "A"), Port("q", "state", "rad"), Port("w", "state", "rad/s")],
+    {},
+)
+NOISE = 0.02
+
+
+def spun(acts, friction=0.0, seed=0, dt=5e-3, rows=1600):
+    """A pendulum on a motor whose current is logged with noise, which acts on it or is that of its sensor."""
+    rng, runs = np.random.default_rng(seed), []
+    for run in range(2):
+        t = dt * np.arange(rows)
+        w, phase = 2 * np.pi * rng.uniform(0.2, 1.5, 4), rng.uniform(0, 6, 4)
+        clean = 0.5 * np.sin(w * t[:, None] + phase).sum(axis=1)
+        noisy = clean + NOISE * rng.standard_normal(rows)
+        q, speed, read = 0.0, 0.0, []
+        for now in noisy if acts else clean:
+            read.append(q)
+            for _ in range(10):
+                speed += dt / 10 * (40 * now - 60 * np.sin(q) - 0.8 * speed - friction * np.tanh(speed / 1e-2))
+                q += dt / 10 * speed
+        q = np.array(read) + 2e-4 * rng.standard_normal(rows)
+        runs.append(pd.DataFrame({"trajectory": str(run), "time": t, "i": noisy, "q": q}))
+    return pd.concat(runs, ignore_index=True)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_noise_of_a_measured_input_is_no_gap(seed):
+    found = diagnose_simulator(spun(acts=False, seed=seed), ROTOR)
+    assert found.verdict == "none"
+    assert any("The noise of i counts" in note for note in found.notes)
+
+
+def test_a_command_acts_with_all_that_it_holds():
+    found = diagnose_simulator(spun(acts=True), ROTOR)
+    assert found.verdict == "none"
+    assert not any("counts" in note for note in found.notes)
+
+
+def test_friction_is_named_beside_the_noise_of_an_input():
+    found = diagnose_simulator(spun(acts=False, friction=4.0), ROTOR)
+    assert found.causes[0].effects[0] == "coulomb_friction"
+    assert found.causes[0].parameters["amplitude"].value == pytest.approx(0.1, rel=0.1)  # A
+    assert any("The noise of i counts" in note for note in found.notes)
