@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from .errors import ParameterError
 from .explained import explained_by
+from .face import check_simulator
 from .gap.several import History, go_on
 from .gap.several.logs import diagnose as together
 
@@ -105,7 +106,7 @@ def diagnose(
     UnknownOptionError
         The library has no effect of such a name.
     ParameterError
-        ``effects`` with ``since``, or ``rows`` for several logs or another simulator.
+        ``simulator`` is none, ``effects`` with ``since``, or ``rows`` for several logs or another simulator.
     MissingColumnError, ShortTrajectoryError, ExcitationError, IncompatibleError
         The logs cannot be used.
 
@@ -125,6 +126,7 @@ def diagnose(
 
     from .signals.frames import free_names, logs_as_pandas
 
+    check_simulator(simulator)
     if since is not None and effects != "all":
         raise ParameterError(
             "Effects are named together with an earlier diagnosis.",

@@ -111,3 +111,19 @@ class AnySimulator:
             "a cylinder, joint or muscle, or a simulator with ports",
             "Give its numbers tolerances ([tolerance]) and diagnose the log, which refits them.",
         )
+
+
+def check_simulator(given: object) -> None:
+    """Refuse what is no simulator, such as the path of one."""
+    if isinstance(given, AnySimulator):
+        return
+    if isinstance(given, (str, Path)):
+        text = repr(str(given))
+        raise ParameterError(
+            f"The simulator is the text {text}.", "a simulator", f"Read it: pamid.read_simulator({text})."
+        )
+    raise ParameterError(
+        f"The simulator is of type {type(given).__name__}.",
+        "one of pamid",
+        "Read its file or model with pamid.read_simulator, or see pamid.simulators.",
+    )

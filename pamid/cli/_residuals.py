@@ -9,6 +9,7 @@ from ..errors import ShortTrajectoryError, UnknownOptionError
 from .common import any_simulator_of, load_log
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
 
     from ..bench.parameters import BenchParameters
@@ -20,6 +21,8 @@ class Left(NamedTuple):
 
     table: pd.DataFrame
     unit: str
+    within_noise: bool = False
+    """Whether its root mean square is no larger than the noise explains."""
 
 
 def residual_tables(args: argparse.Namespace) -> dict[str, Left]:
@@ -60,6 +63,7 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
 
     runs = {str(name): run for name, run in log.groupby("trajectory", sort=False)}
     parts: dict[str, list[pd.DataFrame]] = {}
+    noise: dict[str, list[np.ndarray]] = {}
     for trajectory, name, found in residuals(log, params):
         run = runs[trajectory]
         t = run["time"].to_numpy(dtype=float)
@@ -74,6 +78,7 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
                     signals[own] = np.interp(found.time, t[known], run[column].to_numpy(dtype=float)[known])
             table = pd.DataFrame({"time": found.time, "residual": found.value[:, side], **signals})
             gaps = np.cumsum(np.diff(found.time, prepend=found.time[:1]) > 1.5 * np.median(np.diff(found.time)))
+            noise.setdefault(name, []).append(np.broadcast_to(found.noise, found.value.shape)[:, side])
             parts.setdefault(name, []).append(table.assign(trajectory=[f"{trajectory}#{side}.{g}" for g in gaps]))
     if not parts:
         raise ShortTrajectoryError(
@@ -81,22 +86,40 @@ def _of_bench(log: pd.DataFrame, params: BenchParameters) -> dict[str, Left]:
             "longer runs, or more columns",
             "Run 'pamid evaluate', which says why.",
         )
-    return {name: Left(pd.concat(tables), all_equations()[name].unit) for name, tables in parts.items()}
+    tables = {name: pd.concat(some) for name, some in parts.items()}
+    within = {name: _within(t["residual"].to_numpy(), np.concatenate(noise[name])) for name, t in tables.items()}
+    return {name: Left(table, all_equations()[name].unit, within[name]) for name, table in tables.items()}
+
+
+def _within(residual: np.ndarray, noise: np.ndarray) -> bool:
+    """Return whether residuals are no larger than their noise explains, as a diagnosis judges it."""
+    import numpy as np
+
+    from ..gap.settings import EXCESS
+
+    known = np.isfinite(residual) & np.isfinite(noise)
+    left, least = (float(np.mean(np.square(x[known]))) if known.any() else 0.0 for x in (residual, noise))
+    return 0.0 < left <= (1.0 + EXCESS) ** 2 * least
 
 
 def _of_ports(log: pd.DataFrame, simulator: Simulator) -> dict[str, Left]:
     import numpy as np
     import pandas as pd
 
-    from ..gap.evaluation import residuals_of
+    from ..gap.evaluation import residuals_of, timed
 
     evidence = residuals_of(log, simulator)
     spoken = simulator.spoken(log, {k: evidence.column(k) for k in evidence.state})
+    signals, left = evidence.signals(), timed(evidence)
     found: dict[str, Left] = {}
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         names = np.asarray(evidence.trajectories, dtype=object)[evidence.run[part]]
-        state: dict[str, Any] = {k: v[part] for k, v in evidence.state.items() if np.all(np.isfinite(v[part]))}
-        state = {spoken[k]: v for k, v in state.items() if k in spoken and np.ptp(v) > 0}
-        table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": evidence.value[part]})
-        found[equation] = Left(table.assign(**state), evidence.units[equation])
+        state: dict[str, Any] = {spoken[k]: v[part] for k, v in evidence.state.items() if k in spoken}
+        if not simulator.states_equation:
+            read = [*evidence.roles(equation).values(), *simulator.inputs]
+            state = {k: signals[k][evidence.centre[part]] for k in dict.fromkeys(read) if k in signals}
+        state = {k: v for k, v in state.items() if np.all(np.isfinite(v)) and np.ptp(v) > 0}
+        table = pd.DataFrame({"trajectory": names, "time": evidence.time[part], "residual": left[part]})
+        within = _within(left[part], evidence.noise[part])
+        found[equation] = Left(table.assign(**state), evidence.units[equation], within)
     return found

@@ -5,10 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import errno
+import math
 import os
 import signal
 import sys
 import threading
+import time
 import warnings
 from collections.abc import Iterator, Sequence
 from functools import cache
@@ -23,6 +25,8 @@ from .common import DONE, INTERRUPTED, OWN_ERROR, TERMINATED, WRONG_USE
 
 _OUTPUT_LOST = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EBADF)
 
+_AT_ONCE = 1.0
+"""Seconds in which further signals say the same as the first."""
 _SAME_WARNINGS = 3
 """Warnings of one kind that are shown; the others are counted."""
 
@@ -85,10 +89,10 @@ def _parser(*known: ModuleType) -> argparse.ArgumentParser:
 def run(argv: Sequence[str] | None = None) -> int:
     """Parse arguments and run the command; see `pamid.cli.main`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    debug = "--debug" in arguments
+    debug, ended = "--debug" in arguments, list[int]()
     _replace_closed_streams()
     try:
-        with _terminable(), _plain_warnings("--quiet" in arguments):
+        with _terminable(ended), _plain_warnings("--quiet" in arguments):
             parser = build_parser()
             args = parser.parse_args(arguments)
             if args.command is None:
@@ -99,9 +103,9 @@ def run(argv: Sequence[str] | None = None) -> int:
             return code
     except SystemExit as stop:  # argparse has said what it had to
         return stop.code if isinstance(stop.code, int) else DONE if stop.code is None else WRONG_USE
-    except KeyboardInterrupt as stop:
+    except KeyboardInterrupt:
         _say("interrupted; no file is left incomplete")
-        return TERMINATED if isinstance(stop, _Terminated) else INTERRUPTED
+        return TERMINATED if signal.SIGTERM in ended else INTERRUPTED
     except BrokenPipeError:
         _close_stdout()  # the reader of the output has seen enough
         return DONE
@@ -137,25 +141,31 @@ def _own_error(error: Exception, debug: bool) -> int:
     return OWN_ERROR
 
 
-class _Terminated(KeyboardInterrupt):
-    """The system asks the process to end."""
-
-
 @contextlib.contextmanager
-def _terminable() -> Iterator[None]:
-    """End on SIGTERM as on Ctrl-C, so that drafts of files are removed on the way out."""
+def _terminable(ended: list[int]) -> Iterator[None]:
+    """Stop on SIGTERM as on Ctrl-C, so that drafts of files are removed on the way out; note the signals that came.
 
-    def stop(*_: Any) -> None:
-        raise _Terminated
+    What sends one to a process and to its group, as ``timeout`` does, means it once.
+    """
+    last = -math.inf
 
-    own = threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
-    if own:
-        signal.signal(signal.SIGTERM, stop)
+    def stop(number: int, *_: Any) -> None:
+        nonlocal last
+        ended.append(number)
+        if (now := time.monotonic()) - last > _AT_ONCE:
+            last = now
+            raise KeyboardInterrupt
+
+    usual = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
+    main = threading.current_thread() is threading.main_thread()
+    own = {number: was for number, was in usual.items() if main and signal.getsignal(number) == was}
+    for number in own:
+        signal.signal(number, stop)
     try:
         yield
     finally:
-        if own:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL)
+        for number, was in own.items():
+            signal.signal(number, was)
 
 
 def _say(text: str, kind: str = "") -> None:

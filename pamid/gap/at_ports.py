@@ -14,7 +14,7 @@ from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
 from .inference.gauss_newton import Fitter
-from .inference.so_far import where_so_far
+from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
 from .residuals.direct import DirectEvidence
@@ -50,14 +50,27 @@ def diagnose_at_ports(
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
-    if found.added and evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found)).z):
+
+    def cut() -> Diagnosis:
+        return replace(found, notes=[*found.notes, INTERRUPTED])
+
+    def with_noise_of_inputs() -> Diagnosis:
+        if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found)).z):
+            return found
         say("once more with the noise of inputs, which causes had hidden")
-        found = diagnose_evidence(evidence, effects, seed, say, change)[0]
-    other = otherwise(evidence, found, log)
-    if other is None:
-        return found
-    say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
-    return diagnose_evidence(other, effects, seed, say, change)[0]
+        return diagnose_evidence(evidence, effects, seed, say, change)[0]
+
+    def with_inputs_otherwise() -> Diagnosis:
+        other = otherwise(evidence, found, log)
+        if other is None:
+            return found
+        say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
+        return diagnose_evidence(other, effects, seed, say, change)[0]
+
+    for again in (with_noise_of_inputs, with_inputs_otherwise):
+        if not found.interrupted:  # who interrupted the search waits for no other
+            found = unless_stopped(again, cut)
+    return found
 
 
 def diagnose_evidence(
@@ -112,7 +125,7 @@ def diagnose_evidence(
             predicted = ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines)
             predicted.notes.append(DROWNED)
             return diagnose_evidence(predicted, effects, seed, say, change)
-    return told(found, evidence), known.learned
+    return twice(lambda _: told(found, evidence)), known.learned
 
 
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:

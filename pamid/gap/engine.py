@@ -13,11 +13,11 @@ from .diagnosis.answer import answer, untested
 from .diagnosis.decide import decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
-from .inference.hypotheses import Screen
+from .inference.hypotheses import Outcome, Screen
 from .inference.run_off import Run, by_running
 from .inference.runs_differ import RunsDifferError, runs_differ
 from .inference.sensitivity import Template
-from .inference.so_far import alone_so_far, stopped
+from .inference.so_far import alone_so_far, stopped, twice, unless_stopped
 from .inference.stepped import with_steps
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
@@ -101,13 +101,24 @@ def explain(
         if change is not None and runs_differ(competition, screen, change):
             raise RunsDifferError
         outcome = competition.refit(screen)
-        again = with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say)))
+
+        def so_far() -> Outcome:
+            competition.interrupted = True
+            return outcome
+
+        def stop() -> None:
+            so_far()
+
+        again = unless_stopped(
+            lambda: with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say))),
+            stop,
+        )
         if again is not None:
             competition, outcome = again
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
         if run is not None:
-            outcome = by_running(competition, outcome, run)
-        heed(outcome.best.fit.spec)
-        verdict = decide(competition, outcome, random_state)
-        say("measure the closure")
-        return answer(evidence, competition, verdict, notes, random_state, say)
+            outcome = unless_stopped(lambda: by_running(competition, outcome, run), so_far)
+        unless_stopped(lambda: heed(outcome.best.fit.spec), lambda: None)
+        # Whoever waits no longer in these last steps still wants what was found: they are done once more, in short.
+        verdict = twice(lambda _: decide(competition, outcome, random_state))
+        return twice(lambda short: answer(evidence, competition, verdict, notes, random_state, say, short))

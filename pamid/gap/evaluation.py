@@ -11,6 +11,7 @@ import numpy as np
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
 from ..errors import SimulatorWarning
+from ..face import check_simulator
 from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from .inference.student_t import solve
@@ -60,6 +61,8 @@ def evaluate(
 
     Raises
     ------
+    ParameterError
+        ``simulator`` is none.
     MissingColumnError, ShortTrajectoryError, SimulatorRunError
         The log cannot be used, or the simulator does not run on it.
 
@@ -74,6 +77,7 @@ def evaluate(
     """
     import pandas as pd
 
+    check_simulator(simulator)
     say = progress or (lambda _: None)
     sums: dict[str, dict[str, Sums]] = {}
     units: dict[str, str] = {}
@@ -86,7 +90,7 @@ def evaluate(
         evidence = residuals_of(piece, simulator)
         _warn_of_idle(evidence)
         units |= evidence.units
-        residuals = _timed(evidence)
+        residuals = timed(evidence)
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
             for k, name in enumerate(evidence.trajectories):
                 mine = evidence.run[part] == k
@@ -99,7 +103,7 @@ def evaluate(
     return LogEvaluation({name: summed(runs, units[name]) for name, runs in sums.items()}, {})
 
 
-def _timed(evidence: PortEvidence) -> np.ndarray:
+def timed(evidence: PortEvidence) -> np.ndarray:
     """Return the residuals with the unknowns within a sample fitted: clocks, and how inputs act there."""
     # Whether inputs are held or go in lines is decided with that fitted: errors before and after a correction compare.
     own = np.array([name in evidence.skews for name in evidence.free], dtype=bool)

@@ -37,6 +37,8 @@ def settled(
         admitted, left = set(), np.ones(len(between.equations))
     else:
         outcome = competition.run()
+        if competition.interrupted:  # of the gap nothing is known yet
+            raise KeyboardInterrupt
         near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - CLOSE]
         admitted, left = set().union(*(h.names for h in [outcome.best, *near])), outcome.best.left
     evidence.widen(dict(zip(between.equations, np.maximum(left, 1.0).tolist(), strict=True)))

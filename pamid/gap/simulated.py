@@ -194,12 +194,12 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
     known: dict[str, list[Template]] = {}
     simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
     try:
-        for name in [*simple, *(name for name in library if name not in simple)]:
-            say(f"sensitivity to {in_words(name)}")
+        for k, name in enumerate([*simple, *(name for name in library if name not in simple)]):
+            say(f"sensitivity to {in_words(name)}, {k + 1} of {len(library)}")
             known[name] = _templates(evidence, name)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
-        learned = _remember(evidence, [t for name in library for t in known[name]])
+        learned = _remember(evidence, [t for name in library for t in known[name]], say)
     except KeyboardInterrupt as stop:
         stopped(stop)
         if not any(known.values()):
@@ -213,9 +213,10 @@ def _is_simple(effect: type[Effect]) -> bool:
     return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
 
 
-def _remember(evidence: PortEvidence, found: Sequence[Template]) -> list[Learned]:
-    learned = []
+def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> list[Learned]:
+    learned = list[Learned]()
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
+        say(f"learn what could be explained, {len(learned) + 1} of {len(evidence.equations)}")
         mine = [replace(t, columns=evidence.raw(t.columns)[part]) for t in found]
         noise = float(np.sqrt(np.mean(np.square(evidence.noise[part]))))
         view = _view(evidence, equation, part)

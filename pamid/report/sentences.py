@@ -117,7 +117,7 @@ def verdict(d: Diagnosis) -> str:
         kinds, words = listed(list(dict.fromkeys(c.family for c in d.families))), Words.of(d)
         return f"A gap whose cause is unknown and acts like {kinds}: {listed([either(c, words) for c in d.families])}"
     if d.verdict == "unknown" or not d.causes:
-        return "A gap whose cause is not in the library"
+        return f"A gap whose cause is not {'found yet' if d.interrupted else 'in the library'}"
     return _named(d) + _more(d)
 
 
@@ -305,7 +305,7 @@ def _within(low: float, high: float, factor: float, unit: str) -> str:
 # --- which --------------------------------------------------------------------------------------------------
 def which(d: Diagnosis) -> str:
     """Return which effect causes the gap."""
-    words = Words.of(d)
+    words, tried = Words.of(d), "tried so far" if d.interrupted else "of the library"
     if not d.tested:
         return "No answer: there is no evidence for or against a gap."
     if d.verdict == "none":
@@ -316,12 +316,12 @@ def which(d: Diagnosis) -> str:
         return f"None among those that this log can show: {text}. It cannot show {silent}."
     if d.families:
         sizes = [f"{cause_names(c, words)[0]} {size(c, words)}".rstrip() for c in d.families]
-        return f"No effect of the library explains it, even allowing for inexact forms. Closest: {'; '.join(sizes)}."
+        return f"No effect {tried} explains it, even allowing for inexact forms. Closest: {'; '.join(sizes)}."
     if d.verdict == "unknown" or not d.causes:
-        text = "No effect of the library explains it"
+        text = f"No effect {tried} explains it"
         best = best_effect(d)
         if best is not None and best.closed_share < _NOTHING:
-            text = "No effect of the library explains any of it"
+            text = f"No effect {tried} explains any of it"
         elif best is not None:
             text += f": the best, {effect(best.effect)}, closes {percent(best.closed_share)} of the gap"
         depends = d.leftover.get("depends_on") or d.leftover.get("signals")

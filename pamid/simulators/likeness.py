@@ -12,7 +12,7 @@ from ..signals.headers import read_header
 from ..signals.unit_names import unit_name
 from ..signals.units import UNITS
 from .ports import Port
-from .words import DIMENSIONS_OF, ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
+from .words import DIMENSIONS_OF, EFFORT, INPUT, ROLE_OF, SYMBOLS_OF, dimensions_of, names_itself, roles_of, tokens
 
 _MARKS = "*'′"
 EXACT, ROLE, QUANTITY, NAME, ORDER, UNIT = 6.0, 1.0, 1.0, 2.0, 1.5, 1.0
@@ -168,11 +168,12 @@ def role_score(place: Place, column: Column) -> float:
         return never
     score, moves = 0.0, bool(place.dimensions & {"angle", "length", "angular rate", "speed"})
     if column.dimensions and place.dimensions:
-        if not column.dimensions & place.dimensions:
+        any_input = column.dimensions == EFFORT and INPUT in tokens(column.name)
+        if not (column.dimensions & place.dimensions or (place.commanded and moves and any_input)):
             return never
         score += QUANTITY
-    elif place.dimensions & {"angle", "length"} and not column.dimensions:
-        score += 0.2 * QUANTITY  # by default a position rather than its derivative
+    elif moves and not column.dimensions:  # by default a position rather than its derivative
+        score += 0.2 * QUANTITY if place.dimensions & {"angle", "length"} else -0.2 * QUANTITY
     if place.commanded and column.commanded:
         score += ROLE
     elif place.commanded and (moves or column.dimensions) and not column.leads:

@@ -153,9 +153,9 @@ class _Matcher:
         score = role_score(place, column)
         if score == -math.inf:
             return score
-        if place.port.name in ranks:
-            return score + (ORDER if ranks[place.port.name] else -ORDER)
         likeness = self.names.score(place, column)
+        if place.port.name in ranks:  # a joint's bare name is its position's as it is its rate's
+            return score + (max(ORDER, NAME * likeness) if ranks[place.port.name] else -ORDER)
         return score + NAME * likeness if likeness > 0.2 else min(score, _LEAST - 0.01)
 
     def _clashes(self, place: Place, column: Column) -> bool:

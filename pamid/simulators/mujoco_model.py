@@ -238,10 +238,10 @@ class MujocoSimulator(Simulator):
         found = super().fit_numbers()
         for joint in (p.name for p in self.ports if p.kind == "joint"):
             for kind in ("dof_damping", "dof_frictionloss", "dof_armature"):
-                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0))
+                found.setdefault(f"{kind}.{joint}", ModelParameter(0.0, unit=self._unit(f"{kind}.{joint}")))
         for name in [n for n in found if n.startswith("actuator_kp.")]:
             damping = f"actuator_kv.{name.partition('.')[2]}"
-            found.setdefault(damping, ModelParameter(self.number(damping)))
+            found.setdefault(damping, ModelParameter(self.number(damping), unit=self._unit(damping)))
         return found
 
     def freed(self, parameters: Mapping[str, ModelParameter]) -> Simulator:
@@ -363,7 +363,7 @@ class MujocoSimulator(Simulator):
 
         def change(key: str, factor: float, more: float) -> None:
             array, at = self._slot(key)
-            own = numbers.get(key, ModelParameter(float(array[at])))
+            own = numbers.get(key, ModelParameter(float(array[at]), unit=self._unit(key)))
             numbers[key] = replace(own, value=factor * float(own.value) + more)
 
         for name, where, values, last in gains_last(self.effects):

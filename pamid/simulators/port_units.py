@@ -54,18 +54,21 @@ def unit_doubts(simulator: Simulator, log: PortLog) -> list[str]:
 
 
 def _beyond_range(simulator: Simulator, log: PortLog) -> Iterator[str]:
+    limited = {where for _, where, _ in simulator.effects}
     for name, (low, high) in simulator.ranges().items():
-        values = log.channels.get(name)
+        values, port = log.channels.get(name), simulator.port(name)
         if values is None or not np.isfinite(values).any():
             continue
         least, most = float(np.nanmin(values)), float(np.nanmax(values))
         if least < low - (high - low) or most > high + (high - low):
-            unit, port = simulator.port(name).unit, simulator.port(name)
-            said = f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {unit}"
-            if unit == "rad":
+            angle, times = port.unit == "rad", (high - low) / (most - least) if most > least else np.inf
+            if port.kind == "input" and (name in limited or not (angle or _units(port.unit, times, ABOUT))):
+                continue  # a command beyond its limit is cut there, which is no mistake of the mapping
+            said = f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {port.unit}"
+            if angle:
                 yield f"{said}, as degrees would ({_option(port, ':deg')})"
             else:
-                yield said + _ways_out(_Way(port, (high - low) / (most - least), values))
+                yield said + _ways_out(_Way(port, times, values))
 
 
 def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:

@@ -51,6 +51,8 @@ _DIMENSIONS = {
     ("temperature",): "temp temperature temperatures температура temperatur température temperatura 温度",
 }
 """Dimensions that a quantity of such a name has; a rate outweighs the position that it is of, so it stands first."""
+INPUT = "u"
+"""Letter of an effort and, in control, of whatever is commanded: a position, too."""
 _SYMBOLS = {
     "voltage": "u v", "current": "i", "pressure": "p", "force": "f", "length": "x y z", "angular rate": "w n",
     "speed": "v", "temperature": "t", "torque": "m",
@@ -60,6 +62,8 @@ _TOGETHER = {("d", "q"): "dq", ("dd", "q"): "ddq", ("fol", "err"): "error", ("lo
 EITHER = frozenset(("qd", "xd"))
 """Names of a desired position and of a speed alike: the samples tell."""
 
+EFFORT = frozenset(_EFFORT)
+"""Dimensions of what a word such as effort says of a quantity."""
 ROLE_OF = {word: role for role, words in _ROLES.items() for word in words.split()}
 DIMENSIONS_OF = {word: frozenset(dims) for dims, words in _DIMENSIONS.items() for word in words.split()}
 SYMBOLS_OF = {

@@ -8,6 +8,7 @@ import json
 import os
 import platform
 import re
+import signal
 import subprocess
 import sys
 import warnings
@@ -363,6 +364,22 @@ def test_interrupt(capsys):
     with failing(KeyboardInterrupt()):
         assert main(["evaluate", "x", "--sim", "y"]) == 130
     assert capsys.readouterr().err == "pamid: interrupted; no file is left incomplete\n"
+
+
+def test_a_signal_to_a_process_and_its_group_stops_it_once(capsys):
+    stopped = []
+
+    def ended(*_):
+        for _ in range(2):
+            try:
+                signal.raise_signal(signal.SIGTERM)
+            except KeyboardInterrupt as stop:
+                stopped.append(type(stop))
+        raise KeyboardInterrupt
+
+    with failing(ended):
+        assert main(["evaluate", "x", "--sim", "y"]) == 143
+    assert stopped == [KeyboardInterrupt] and signal.getsignal(signal.SIGTERM) == signal.SIG_DFL
 
 
 def test_own_error_asks_for_a_report(capsys):

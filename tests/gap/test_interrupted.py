@@ -9,14 +9,16 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid import report
 from pamid.cli import main
-from pamid.gap import diagnose_simulator
+from pamid.gap import diagnose_simulator, engine
 from pamid.gap.diagnosis.result import Diagnosis
 from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.so_far import INTERRUPTED, SoFar
 from pamid.gap.residuals import part
 from pamid.gap.residuals.part import part_of, to_search
 from pamid.gap.simulated import evidence_of
+from pamid.report.sentences import verdict
 from pamid.simulators import FunctionSimulator, Port
 
 PORTS = [
@@ -83,23 +85,39 @@ def test_what_is_known_is_said_before_the_search_has_ended(log: pd.DataFrame) ->
     found = diagnose_simulator(log, RAILS, LIBRARY, progress=told.append)
     assert named(found) == [("viscous_friction", "x")] and INTERRUPTED not in found.notes
     so_far = [k for k, text in enumerate(told) if isinstance(text, SoFar)]
-    assert "the gap is in x" in told[so_far[0]] and "viscous friction at x" in told[so_far[1]]
+    assert "exceed their noise in x (" in told[so_far[0]] and "viscous friction at x" in told[so_far[1]]
     assert so_far[1] < next(k for k, text in enumerate(told) if "sensitivity to maxwell" in text)
     assert "viscous friction at x, which closes" in told[so_far[-1]]
 
 
-@pytest.mark.parametrize("word", ["refit with", "sensitivity to maxwell", "measure the closure"])
+@pytest.mark.parametrize("word", ["refit with", "sensitivity to maxwell", "learn what could be explained"])
 def test_the_best_answer_so_far_stands_where_somebody_interrupts(log: pd.DataFrame, word: str) -> None:
-    if word == "measure the closure":  # what is written down by then is the answer, and to stop it is to want none
-        with pytest.raises(KeyboardInterrupt):
-            diagnose_simulator(log, RAILS, LIBRARY, progress=stopping(word))
-        return
     found = diagnose_simulator(log, RAILS, LIBRARY, progress=stopping(word))
     assert INTERRUPTED in found.notes
     if word != "refit with":  # before the first refit nothing is known but that there is a gap
         assert named(found) == [("viscous_friction", "x")] and found.corrected is not None
         assert found.causes[0].parameters["coefficient"].value == pytest.approx(FRICTION, rel=0.05)
+    elif not found.causes:
+        assert verdict(found) == "A gap whose cause is not found yet" and "in the library" not in str(found)
     assert found.gap
+
+
+@pytest.mark.parametrize("step", ["with_steps", "by_running", "decide", "answer"])
+def test_an_answer_is_written_down_where_somebody_interrupts_that(
+    step: str, log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, asked = getattr(engine, step), []
+
+    def stopped(*args: object) -> object:
+        asked.append(step)
+        if len(asked) == 1:
+            raise KeyboardInterrupt
+        return whole(*args)
+
+    monkeypatch.setattr(engine, step, stopped)
+    found = diagnose_simulator(log, RAILS, LIBRARY[:1])
+    assert found.interrupted == (step in ("with_steps", "by_running"))  # the search, not what it found
+    assert named(found) == [("viscous_friction", "x")] and found.closure and found.corrected is not None
 
 
 def test_who_ends_the_process_wants_no_answer(log: pd.DataFrame) -> None:
@@ -110,13 +128,23 @@ def test_who_ends_the_process_wants_no_answer(log: pd.DataFrame) -> None:
         diagnose_simulator(log, RAILS, LIBRARY, progress=stopping("sensitivity to maxwell", Ended))
 
 
+def test_nothing_is_known_before_readings_are_compared(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stop(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Competition, "_begun", stop)
+    with pytest.raises(KeyboardInterrupt):
+        diagnose_simulator(log.assign(v=1.2 * log["v"]), RAILS, ["sensor_gain"])
+
+
+@pytest.mark.parametrize("what", ["search", "report"])
 def test_the_command_writes_what_it_has(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], log: pd.DataFrame
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], log: pd.DataFrame
 ) -> None:
     def stop(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Competition, "_settled", stop)
+    monkeypatch.setattr(*((Competition, "_settled", stop) if what == "search" else (report, "report_html", stop)))
     log.to_csv(tmp_path / "log.csv", index=False)
     (tmp_path / "rails.toml").write_text(
         'kind = "equations"\n[equations]\n"dx/dt" = "v"\n"dv/dt" = "F/m"\n"dy/dt" = "w"\n"dw/dt" = "G/m"\n'
@@ -129,7 +157,9 @@ def test_the_command_writes_what_it_has(
     code = main(["diagnose", str(tmp_path / "log.csv"), *where, "--effects", "viscous_friction,quadratic_drag"])
     told = capsys.readouterr()
     assert code == 0 and "viscous friction" in told.out.splitlines()[0]
-    assert "The search was interrupted" in " ".join(told.out.split()) and (tmp_path / "out" / "report.html").exists()
+    assert ("The search was interrupted" in " ".join(told.out.split())) == (what == "search")
+    assert (tmp_path / "out" / "report.html").exists() == (what == "search")
+    assert (tmp_path / "out" / "diagnosis.json").exists()
     assert "so far" in told.err
 
 

@@ -10,6 +10,8 @@ import pytest
 
 from pamid.bench import BenchParameters, simulate, sine
 from pamid.cli import main
+from pamid.cli._residuals import Left
+from pamid.cli.commands.resid import _verdict
 from pamid.compare import residual_test
 from pamid.errors import ShapeError, ShortTrajectoryError
 from pamid.plots import ResidualTestDisplay
@@ -89,6 +91,34 @@ def test_the_command_names_the_input(stroke, tmp_path, capsys):
     assert "misses something of P:" in " ".join(capsys.readouterr().out.split())
     assert main([*words, "--equation", "flow"]) == 2
     assert "one of force" in capsys.readouterr().err
+
+
+def test_noise_blames_nothing():
+    rng = np.random.default_rng(0)
+    u = rng.standard_normal(800)
+    test = residual_test(0.3 * u + rng.standard_normal(800), {"u": u}, lags=10)
+    assert "misses something of u:" in _verdict(test, Left(pd.DataFrame(), "N"))
+    assert _verdict(test, Left(pd.DataFrame(), "N", within_noise=True)).startswith("No larger than the noise")
+
+
+def test_signals_of_a_simulator_have_the_users_names(tmp_path, capsys):
+    rng, t, runs = np.random.default_rng(0), np.arange(0, 8, 0.01), []
+    for k in range(2):
+        w = np.array([1.0 + k, 2.3, 4.1])[:, None]
+        F = np.sum(np.cos(w * t), axis=0)
+        v, x = np.sum(np.sin(w * t) / w, axis=0) / 2.0, np.sum(-np.cos(w * t) / w**2, axis=0) / 2.0
+        x, v = (z + 1e-3 * rng.standard_normal(len(t)) for z in (x, v))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": t, "F": F, "x": x, "v": v}))
+    write_log(pd.concat(runs), tmp_path / "log.parquet")
+    (tmp_path / "sim.toml").write_text(
+        'kind = "equations"\n[equations]\n"dx/dt" = "v"\n"dv/dt" = "F/2.4"\n[ports]\n'
+        'F = { kind = "input", unit = "N" }\nx = { kind = "state", unit = "m" }\nv = { kind = "state", unit = "m/s" }\n'
+    )
+    log, sim = str(tmp_path / "log.parquet"), str(tmp_path / "sim.toml")
+    assert main(["resid", log, "--sim", sim, "--lags", "10", "--quiet", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["equations"]
+    assert all(set(test["inputs"]) == {"x", "v", "F"} for test in found.values())
+    assert found["x"]["inputs"]["F"]["p_value"] < 1e-3
 
 
 def test_a_saved_model_is_presented_and_tested(tmp_path, capsys):

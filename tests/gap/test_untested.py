@@ -1,11 +1,13 @@
 """Effects that a user asks for and that have no place here are told, with what to declare."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 import pamid
-from pamid.errors import UnknownOptionError
+from pamid.errors import ParameterError, UnknownOptionError
 from pamid.gap.residuals.untested import untested
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, FunctionSimulator, Port
@@ -62,3 +64,10 @@ def test_a_joint_that_the_equations_show_needs_no_declaration():
     evidence = evidence_of(log(), EquationSimulator({"dw/dt": "20*u - 20*w"}, ports, {}))
     assert untested(evidence, "all") == []
     assert untested(evidence, ["coulomb_friction"]) == []
+
+
+@pytest.mark.parametrize("ask", [pamid.diagnose, pamid.evaluate])
+@pytest.mark.parametrize(("given", "said"), [("model.xml", "pamid.read_simulator('model.xml')"), (3, "of type int")])
+def test_what_is_no_simulator_is_refused_in_words(ask, given, said):
+    with pytest.raises(ParameterError, match=re.escape(said)):
+        ask(pd.DataFrame({"time": [0.0, 1.0], "x": [0.0, 1.0]}), given)

@@ -291,6 +291,19 @@ def test_abbreviations_and_what_stands_beside_them(ports: dict[str, tuple[str, s
     assert [m.column for m in found] == columns
 
 
+@pytest.mark.parametrize("names", [("j1", "j2", "u1", "u2"), ("q0", "q1", "u0", "u1"), ("j1", "j2", "s1", "s2")])
+def test_a_joints_own_name_is_its_position_and_u_may_command_one(names: tuple[str, ...]) -> None:
+    wanted = ("j1_q", "j2_q", "s1", "s2")
+    ports = [Port(f"s{k}", "input", "rad") for k in (1, 2)]
+    for k in (1, 2):
+        ports += [Port(f"j{k}_q", "state", "rad"), Port(f"j{k}_dq", "state", "rad/s")]
+    simulator = FunctionSimulator(lambda t, x, u, p: [0.0] * 4, ports)
+    t = np.linspace(0.0, 10.0, 1000)
+    motion = [np.sin(t - 0.3), np.cos(1.7 * t - 0.2), np.sin(t), np.cos(1.7 * t)]
+    found, _ = matches(simulator, ports, dict(zip(names, motion, strict=True)), t)
+    assert {m.port: m.column for m in found} == dict(zip(wanted, names, strict=True))
+
+
 def test_a_measured_position_is_no_command() -> None:
     ports = [Port("arm", "input", "rad"), Port("arm_q", "state", "rad")]
     simulator = FunctionSimulator(lambda t, x, u, p: [u.arm], ports)

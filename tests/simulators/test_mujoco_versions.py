@@ -40,6 +40,8 @@ def test_a_tree_of_bodies_comes_back_with_its_numbers(tree: MujocoSimulator, tmp
     ])  # fmt: skip
     text, rest = changed.corrected_xml()
     assert [name for name, *_ in rest] == ["quadratic_drag"]
+    said = changed.in_elements().parameters
+    assert (said["dof_frictionloss.turn"].unit, said["dof_damping.slide"].unit) == ("N m", "N s/m")
     (tmp_path / "again.xml").write_text(text)
     m = mujoco.MjModel.from_xml_path(str(tmp_path / "again.xml"))
     at = {n: mujoco.mj_name2id(m, mujoco.mjtObj.mjOBJ_JOINT, n) for n in ("turn", "lift", "slide", "roll", "far")}

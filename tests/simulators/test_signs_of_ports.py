@@ -113,6 +113,22 @@ def test_readings_far_beyond_the_stops_of_a_joint_are_told(tmp_path: Path) -> No
     assert "to 31.5, but its stops allow -2.2 to 2.2 rad, as degrees would" in doubt
 
 
+def test_a_command_that_a_limit_cuts_is_no_mistake(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco")
+    from pamid.simulators import MujocoSimulator
+
+    xml = """<mujoco><compiler angle="radian" autolimits="true"/><worldbody><body>
+    <joint name="hip" axis="0 1 0"/><geom size="0.1" pos="0 0 -.2"/></body></worldbody>
+    <actuator><motor name="m" joint="hip" ctrlrange="-6 6"/><position name="s" joint="hip" ctrlrange="-1 1"/></actuator>
+    </mujoco>"""
+    (tmp_path / "leg.xml").write_text(xml)
+    simulator, t = MujocoSimulator(tmp_path / "leg.xml"), np.arange(0.0, 4.0, 0.01)
+    table = pd.DataFrame({"trajectory": "run", "time": t, "m": 25 * np.sin(t), "s": np.sin(t), "hip_q": 0.0 * t})
+    assert unit_doubts(simulator, port_log(table, simulator)) == []
+    (doubt,) = unit_doubts(simulator, port_log(table.assign(s=np.degrees(table["s"])), simulator))
+    assert "as degrees would" in doubt
+
+
 @pytest.mark.parametrize("what", ["speed", "millimetres"])
 def test_check_tells_it(log: pd.DataFrame, tmp_path: Path, capsys: pytest.CaptureFixture[str], what: str) -> None:
     (tmp_path / "cart.toml").write_text(page_text(cart(), tmp_path))

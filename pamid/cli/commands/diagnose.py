@@ -109,6 +109,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the command."""
+    from ...gap.inference.so_far import twice
     from ...opinion import Passport
     from ...report import answers
     from ...signals.log import find_logs
@@ -134,7 +135,8 @@ def run(args: argparse.Namespace) -> int:
     source = _source(args, log)
     passport = Passport.of(opinion, source.log) if opinion is not None else None
     with progress(args, "Writing the report:") as step:
-        files = write(d, folder, source, d.history, passport, step, _tried_on(args, d))
+        tried = _tried_on(args, d)
+        files = twice(lambda short: write(d, folder, source, d.history, passport, step, tried, short))
     if args.json:
         judged = {"opinion": json_ready(opinion.as_dict())} if opinion is not None else {}
         print_json({**d.as_dict(), **judged, "files": {file.name: str(file) for file in files}})
@@ -183,13 +185,15 @@ def write(
     passport: Passport | None = None,
     step: Callable[[str], None] | None = None,
     log: pd.DataFrame | None = None,
+    short: bool = False,
 ) -> list[Path]:
-    """Write report, diagnosis and corrected simulator into a folder, all of them or none."""
+    """Write report, diagnosis and corrected simulator into a folder, all of them or none; in short no report."""
     from ...report import report_html
 
     with replacing_together(folder, FILES) as stage:
-        d.notes.extend(write_corrected(d, stage, folder, log))
-        write_whole(stage / "report.html", report_html(d, source, step))
+        d.notes.extend(text for text in write_corrected(d, stage, folder, log) if text not in d.notes)
+        if not short:
+            write_whole(stage / "report.html", report_html(d, source, step))
         write_whole(stage / "diagnosis.json", d.to_json() + "\n")
         if history is not None:
             history.write(stage, folder)

@@ -137,7 +137,7 @@ def _tell(name: str, test: ResidualTest, left: Left) -> None:
         outside = f"{test.outside(key)} of {lags + 1}"
         rows.append([key, outside, number(later[at]), _seconds(at, test), _chance(test.p_input[key])])
     print(table(["correlated with", "lags outside", "largest", "at lag", "chance"], rows))
-    print(wrapped("", _verdict(test)))
+    print(wrapped("", _verdict(test, left)))
     if silent := _left_out(test, left):
         print(wrapped("", f"Not looked at: {', '.join(silent)}, which stand still or are hardly known."))
     print()
@@ -151,12 +151,16 @@ def _chance(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.3f}"
 
 
-def _verdict(test: ResidualTest) -> str:
+def _verdict(test: ResidualTest, left: Left) -> str:
     """Return the result of the test in a sentence."""
+    from ...report.quantities import listed
+
     limit = 1.0 - test.level
     guilty = [name for name, p in test.p_input.items() if p < limit]
+    if left.within_noise and (guilty or test.p_white < limit):  # a residual contains the noise of what it is made from
+        return "No larger than the noise explains: what it is correlated with may be that noise, and nothing is missed."
     if guilty:
-        return f"The model misses something of {' and '.join(guilty)}: what they were foretells its residual."
+        return f"The model misses something of {listed(guilty)}: what they were foretells its residual."
     if test.p_white < limit:
         return "Not white, but unrelated to the inputs: coloured noise, or a cause that no signal here shows."
     return "White and unrelated to the inputs: nothing is left to be learnt from these signals by a linear model."

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+SHORT = "The answer was interrupted: its sizes are as they were fitted to the part of the log that was searched."
+"""What a diagnosis notes whose causes were not fitted to all rows."""
 MOST = 12
 """Number of sets of effects that a diagnosis reports."""
 
@@ -41,14 +43,17 @@ def answer(
     notes: list[str],
     random_state: np.random.RandomState,
     say: Callable[[str], None],
+    short: bool = False,
 ) -> Diagnosis:
-    """Return the diagnosis of a log, the causes fitted to all of it."""
+    """Return the diagnosis of a log, the causes fitted to all of it; in short without what takes long and can lack."""
+    say("measure the closure")
     fitter, base, fit = competition.fitter, verdict.outcome.base.fit, verdict.outcome.best.fit
     if competition.evidence is not evidence:
         say("fit the causes to all rows")
         fitter = Fitter(evidence)
         base = fitter.base()
-        fit = _again(fitter, fit) if verdict.named else base
+        fit = (fitter.at(fit.spec) if short else _again(fitter, fit)) if verdict.named else base
+        notes = [*notes, SHORT] if short and verdict.named else notes
     # The gap is what a refit within the tolerances leaves; what they explain is not a gap.
     base = fitter.unwhitened(base)
     fit = fit if verdict.named else base
@@ -67,9 +72,10 @@ def answer(
     causes = _causes(fitter, verdict, clusters, closure) if clusters is not None else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
-        say("look for the next experiment")
-        experiment, rivals = next_experiment(evidence, verdict)
-        causes = [_distinguished(c, experiment, rivals) for c in causes] if rivals else causes
+        if not short:
+            say("look for the next experiment")
+            experiment, rivals = next_experiment(evidence, verdict)
+            causes = [_distinguished(c, experiment, rivals) for c in causes] if rivals else causes
         nominal = evidence.deviated(dict(zip(evidence.free, map(float, base.x), strict=True)))
         deviations = dict(zip(evidence.free, map(float, fit.x), strict=True))
         corrected = evidence.corrected(fit.spec if verdict.named else {}, deviations)
@@ -91,8 +97,8 @@ def answer(
         nominal=nominal,
         corrected=corrected,
         windows=_windows(evidence, before, after),
-        leftover=leftover(evidence, equations[0].equation, before) if equations and not_named else {},
-        remainder=remainder(evidence, before, after) if verdict.named else {},
+        leftover=leftover(evidence, equations[0].equation, before) if equations and not_named and not short else {},
+        remainder=remainder(evidence, before, after) if verdict.named and not short else {},
         with_reserve=verdict.reserved,
         signs=worst({name: found.signs for name, found in verdict.trust.items()}),
         hypotheses=_hypotheses(verdict),

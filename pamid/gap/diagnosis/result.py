@@ -154,6 +154,13 @@ class Diagnosis:
         return self.verdict not in ("none", "untested")
 
     @property
+    def interrupted(self) -> bool:
+        """Whether somebody interrupted the search: what it did not find may still be in the library."""
+        from ..inference.so_far import INTERRUPTED
+
+        return INTERRUPTED in self.notes
+
+    @property
     def added(self) -> list[Cause]:
         """What the corrected simulator has and the given one lacks: the causes, or what acts like an unknown one."""
         return self.causes or self.families

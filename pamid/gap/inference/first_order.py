@@ -29,9 +29,9 @@ class FirstOrder(Worth):
         super().__init__(evidence)
         self.library, self.say = list(library), progress or (lambda _: None)
         self.templates: list[Template] = []
-        for name in library:
+        for k, name in enumerate(library):
             if known is None or name not in known:
-                self.say(f"sensitivity to {in_words(name)}")
+                self.say(f"sensitivity to {in_words(name)}, {k + 1} of {len(library)}")
                 self.templates += templates(evidence, name)
             else:
                 self.templates += known[name]

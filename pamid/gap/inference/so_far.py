@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ INTERRUPTED = (
 )
 """What a diagnosis notes that was interrupted."""
 _MOST = 3
+T = TypeVar("T")
 
 
 class SoFar(str):
@@ -29,14 +31,28 @@ def stopped(stop: KeyboardInterrupt) -> None:
         raise stop
 
 
+def unless_stopped(step: Callable[[], T], otherwise: Callable[[], T]) -> T:
+    """Return the result of a step; where a waiting user interrupts it, what stands without it."""
+    try:
+        return step()
+    except KeyboardInterrupt as stop:
+        stopped(stop)
+        return otherwise()
+
+
+def twice(step: Callable[[bool], T]) -> T:
+    """Return the result of a last step, which is done again in short where a waiting user interrupts it."""
+    return unless_stopped(lambda: step(False), lambda: step(True))
+
+
 def where_so_far(equations: Sequence[str], scales: np.ndarray) -> SoFar:
     """Return in which equations residuals exceed their noise, and how far."""
     order = [int(k) for k in np.argsort(-scales, kind="stable") if scales[k] > 1.0 + EXCESS]
     if not order:
         return SoFar("no residual exceeds its noise")
-    named = [f"{equations[k]} ({scales[k]:.2g} times the noise)" for k in order[:_MOST]]
+    named = [f"{equations[k]} ({scales[k]:.2g} times)" for k in order[:_MOST]]
     more = f" and {len(order) - _MOST} more" if len(order) > _MOST else ""
-    return SoFar(f"the gap is in {', '.join(named)}{more}")
+    return SoFar(f"before tolerances are fitted, residuals exceed their noise in {', '.join(named)}{more}")
 
 
 def alone_so_far(singles: Mapping[str, Single]) -> SoFar:

@@ -20,6 +20,7 @@ from ..diagnosis.decide import Verdict, decide
 from ..diagnosis.result import Diagnosis
 from ..engine import rows_searched
 from ..inference.competition import Competition
+from ..inference.so_far import twice, unless_stopped
 from ..residuals.bench import Evidence
 from ..residuals.checks import check, moves, notes_on, without_stuck
 from ..settings import MAX_ROWS, SEARCH_ROWS
@@ -73,7 +74,9 @@ def diagnose_bench_logs(
         return found
     last = len(each) - 1
     with threadpool_limits(1):
-        experiment, _ = next_experiment(each[last], verdict, lambda spec: stack.spec_in(last, spec))
+        experiment, _ = unless_stopped(
+            lambda: next_experiment(each[last], verdict, lambda spec: stack.spec_in(last, spec)), lambda: (None, ())
+        )
     sizes = [(len(t), len(t.trajectories)) for t in tables]
     return replace(found, next_experiment=experiment, logs=sized(found.logs, sizes, held))
 
@@ -99,9 +102,9 @@ def together(
     with threadpool_limits(1):
         part = StackedEvidence(searched, variants) if searched else stack
         competition = Competition(part, variants.library, say, apart=variants.apart, close=close)
-        verdict = decide(competition, competition.run(), random_state)
-        say("measure the closure")
-        found = answer(stack, competition, verdict, notes, random_state, say)
+        outcome = competition.run()
+        verdict = twice(lambda _: decide(competition, outcome, random_state))
+        found = twice(lambda short: answer(stack, competition, verdict, notes, random_state, say, short))
         say("compare the logs")
         return merged(found, stack, competition, verdict, variants), verdict, stack
 

@@ -15,6 +15,7 @@ _BADGES = {
     "none": "no gap",
     "untested": "not tested",
 }
+_NOT_YET = "cause not found yet"
 
 
 class AnswerSection(Section):
@@ -29,7 +30,7 @@ class AnswerSection(Section):
         d = self.diagnosis
         told = answers(d)
         return {
-            "badge": _BADGES.get(d.verdict, d.verdict),
+            "badge": _NOT_YET if d.verdict == "unknown" and d.interrupted else _BADGES.get(d.verdict, d.verdict),
             "verdict": told.verdict,
             "kind": d.verdict if d.verdict in _BADGES else "unknown",
             "rows": [("Where", told.where), ("Which", told.which), ("How far", told.how_far)],
