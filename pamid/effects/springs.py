@@ -131,7 +131,9 @@ class UpperStop(Effect):
     roles = ("position", "velocity")
     prior = -2.0  # most joints end their travel before a stop does
     source = "10.1016/S0094-114X(02)00045-9"
-    stiffness = parameter("N", 0.0, 1e7, 1e3, "force per travel beyond the stop", linear=True, position=-1)
+    stiffness = parameter(
+        "N", 0.0, 1e7, 1e3, "force per travel beyond the stop", linear=True, essential=True, position=-1
+    )
     damping = parameter("N s", 0.0, 1e6, 0.0, "force per speed there", linear=True, position=-1)
     limit = parameter("-", -10.0, 10.0, 0.1, "where it begins", position=1)
     side: ClassVar[float] = 1.0

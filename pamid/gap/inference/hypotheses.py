@@ -113,8 +113,8 @@ def degenerate(effect: Effect, seconds: float) -> bool:
         if not p.essential:
             continue
         if p.linear:
-            others = max(abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
-            if abs(value) < ALMOST * others:
+            alike = (abs(values[q.name]) for q in parameters if q.linear and q.unit == p.unit and q is not p)
+            if abs(value) <= ALMOST * max(alike, default=0.0):
                 return True
         # A lower bound far below typical values means zero, the ideal form of the same effect.
         elif value >= (1.0 - AT_BOUND) * p.upper or (
