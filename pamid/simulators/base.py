@@ -73,6 +73,8 @@ class Simulator(AnySimulator):
     """Kinds that simulator files may name."""
     executes: ClassVar[bool] = True
     """Whether reading a simulator file runs code that it names."""
+    any_step: ClassVar[bool] = False
+    """Whether runs may take steps of any length, not just those of a log's rows."""
     one_by_one: ClassVar[bool] = False
     """Whether it is evaluated one instant at a time."""
     unsteady: str | None = None

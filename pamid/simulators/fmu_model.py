@@ -83,6 +83,7 @@ class FmuSimulator(Simulator):
     kind: ClassVar[str] = "fmu"
     kinds: ClassVar[tuple[str, ...]] = ("fmu",)
     one_by_one: ClassVar[bool] = True
+    any_step: ClassVar[bool] = True
     form = "run"
 
     def __init__(

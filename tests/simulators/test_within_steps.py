@@ -37,6 +37,13 @@ def test_predictions_are_those_of_the_present_steps():
     assert 1e-6 < np.max(np.abs(one - eight)) < 1.0
 
 
+class AnyStep(FunctionSimulator):
+    """A function that runs over any times, as an FMU does."""
+
+    kinds = ()
+    any_step = True
+
+
 def lagging(u, p, x0):
     """A coil behind a voltage, which is held over each step of the times that are asked for."""
     i, share = np.zeros(len(u.time)), np.exp(-np.diff(u.time) / 7e-4)
@@ -54,7 +61,7 @@ def test_whole_runs_go_with_inputs_in_lines_where_that_explains_more():
         i[k + 1] = i[k] + h * (0.5 * (u[k] + u[k + 1]) / 1.1 - i[k]) / 7e-4 * (1.0 - 0.5 * h / 7e-4)
     log = pd.DataFrame({"trajectory": "1", "time": t, "u": u[::40], "i": i[::40] + 5e-3 * rng.standard_normal(len(t))})
     ports = [Port("u", "input", "V"), Port("i", "output", "A")]
-    coil = FunctionSimulator(lagging, ports, {"R": ModelParameter(1.1, 0.05, "Ohm")}, form="run")
+    coil = AnyStep(lagging, ports, {"R": ModelParameter(1.1, 0.05, "Ohm")}, form="run")
     found = diagnose_simulator(log, coil, ["sensor_lag", "actuator_delay"])
     assert found.verdict == "none"
     assert any("interpolated between rows" in note for note in found.notes)

@@ -143,6 +143,10 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         """
         if self.lines or self.simulator.form == "algebraic" or not any(np.ptp(u) > 0.0 for u in self._u):
             return False
+        if self.simulator.form == "run" and not (
+            self.simulator.any_step and np.any(self._without_causes().scales > 1.0 + EXCESS)
+        ):
+            return False  # it takes several runs, where there is something to explain
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
         return solve(z1, self.J, *self.ends, self.parts, self.weights).loglik > self.base_loglik() + LEAST_GAIN
 

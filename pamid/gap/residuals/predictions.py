@@ -48,6 +48,7 @@ class PredictedEvidence(StretchEvidence):
         self._failed: tuple[int, list[str], int] | None = None
         self.simulated = 0.0
         self._kept_runs: dict[int, list[np.ndarray]] = {}
+        self._straight: list[np.ndarray] = []
         self._kept_states: Remembered[tuple[list[np.ndarray], list[np.ndarray]]] = Remembered(MOST_STATES)
         self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
         self._along: dict[tuple[str, ...], np.ndarray] = {}
@@ -127,27 +128,40 @@ class PredictedEvidence(StretchEvidence):
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
 
     def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, lines: bool | None = None) -> list[np.ndarray]:
-        """Return the outputs of the simulator over each stretch; earlier runs are cached."""
-        lines = self.lines if lines is None else lines
-        key = hash((x0.tobytes(), u.tobytes(), p.tobytes(), lines))
+        """Return the outputs of the simulator over each stretch; earlier runs are cached.
+
+        What inputs in lines change is that of the first such runs, whatever an effect adds: a run of many parts of each
+        step takes as many times longer.
+        """
+        key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
         if key not in self._kept_runs:
             if len(self._kept_runs) >= MOST_RUNS:
                 self._kept_runs.clear()
-            t = self.log.t
-            lengths = np.array([s.stop - s.first for s in self.stretches])
-            found: dict[int, np.ndarray] = {}
-            for length in np.unique(lengths):  # runs of one length are simulated together
-                mine = np.flatnonzero(lengths == length)
-                spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
-                drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
-                starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
-                times = t[spans[0]] - t[spans[0]][0]
-                times, drive = _in_lines(times, drive) if lines else (times, drive)
-                ran = self._asked_for(times, drive, numbers, starts)
-                found |= {int(k): y[:, :: _PARTS if lines else 1] for k, y in zip(mine, ran, strict=True)}
-            self.simulated += float(np.sum(lengths)) / self.log.n
-            self._kept_runs[key] = [found[k] for k in range(len(lengths))]
-        return self._kept_runs[key]
+            self._kept_runs[key] = self._run_stretches(x0, u, p, 1)
+        found = self._kept_runs[key]
+        if not (self.lines if lines is None else lines):
+            return found
+        if [d.shape[1] for d in self._straight] != [y.shape[1] for y in found]:
+            parts = self._run_stretches(x0, u, p, _PARTS)
+            self._straight = [y - held for y, held in zip(parts, found, strict=True)]
+        return [y + d for y, d in zip(found, self._straight, strict=True)]
+
+    def _run_stretches(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, parts: int) -> list[np.ndarray]:
+        """Return the outputs over each stretch, inputs held over each of as many parts of a step."""
+        t = self.log.t
+        lengths = np.array([s.stop - s.first for s in self.stretches])
+        found: dict[int, np.ndarray] = {}
+        for length in np.unique(lengths):  # runs of one length are simulated together
+            mine = np.flatnonzero(lengths == length)
+            spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
+            drive, numbers = np.stack([u[:, a] for a in spans]), np.stack([np.mean(p[:, a], axis=1) for a in spans])
+            starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
+            times = t[spans[0]] - t[spans[0]][0]
+            times, drive = _in_parts(times, drive, parts) if parts > 1 else (times, drive)
+            ran = self._asked_for(times, drive, numbers, starts)
+            found |= {int(k): y[:, ::parts] for k, y in zip(mine, ran, strict=True)}
+        self.simulated += parts * float(np.sum(lengths)) / self.log.n
+        return [found[k] for k in range(len(lengths))]
 
     def _asked_for(
         self, times: np.ndarray, drive: np.ndarray, numbers: np.ndarray, starts: np.ndarray
@@ -382,9 +396,9 @@ def named(active: Active, numbers: np.ndarray) -> int:
     return hash((*((place.key, *made.values.items()) for place, made in active), numbers.tobytes()))
 
 
-def _in_lines(times: np.ndarray, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _in_parts(times: np.ndarray, drive: np.ndarray, parts: int) -> tuple[np.ndarray, np.ndarray]:
     """Return times and inputs in parts of each step, in whose middles the inputs are those of lines."""
-    within = np.arange(1 + _PARTS * (len(times) - 1)) / _PARTS
+    within = np.arange(1 + parts * (len(times) - 1)) / parts
     row = np.minimum(within.astype(int), len(times) - 2)
-    part = np.minimum(within - row + 0.5 / _PARTS, 1.0)
+    part = np.minimum(within - row + 0.5 / parts, 1.0)
     return np.interp(within, np.arange(len(times)), times), drive[:, :, row] + part * np.diff(drive, axis=2)[:, :, row]

@@ -74,7 +74,9 @@ class StackedEvidence:
         self.block = self._gathered([s.block + b for s, b in zip(sources, before, strict=False)])
         several = len(self.logs) > 1
         self.trajectories = [
-            f"{log.name}: {name}" if several else name for log in self.logs for name in log.evidence.trajectories
+            f"{log.name}: {name}" if several and name != log.name else name
+            for log in self.logs
+            for name in log.evidence.trajectories
         ]
         self._tolerances()
         self.weights = self._weights()
