@@ -355,7 +355,7 @@ def tell(
     guessed = list(draft.supposed)
     assumed = list(draft.assumed())
     follow: list[str] = []
-    if files:
+    if not missing:
         options = f"--columns {quoted([files[0]])} --sim {quoted([draft.own_page or files[1]])}{trusted(draft)}"
         follow = [f"pamid check {quoted(args.log)} {options}"]
         follow = following(args.log, options, files[0].parent) if draft.ports else follow
@@ -384,13 +384,13 @@ def tell(
     print(table(["signal", "lowest", "highest", "unit"], rows) + "\n")
     for path in files:
         print(f"wrote {path}")
-    if files and (unsure or assumed or guessed):
+    if unsure or assumed or guessed:
         what = ", ".join([*(f"the unit of {s}" for s in unsure), *assumed, *(f"the column of {s}" for s in guessed)])
         note(args, f"assumed: {what}. Look for ASSUMED in the files; correct or confirm it.")
     if doubt:
         note(args, f"{doubt}. Correct it before you use this log.")
     if missing:
-        print("This log and simulator cannot be compared yet, so nothing was written:", *missing, sep="\n  ")
+        print("\nThis log and simulator cannot be compared yet. Once more with --force:", *missing, sep="\n  ")
         return
     print()
     show_commands(follow)

@@ -34,7 +34,7 @@ from .._drafting import (
     write,
 )
 from .._simulators import add_trust_option
-from ..common import DONE, WRONG_USE, add_command, print_json, table
+from ..common import DONE, add_command, print_json, table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -191,8 +191,8 @@ def _of_model(args: argparse.Namespace) -> int:
     doubt = "" if missing else without_column(draft, simulator, doubts)
     if args.trust and given_page and not missing:
         _try(simulator, log)
-    tell(args, draft, log, [] if missing else write(draft, folder), doubt, missing)
-    return WRONG_USE if missing else DONE
+    tell(args, draft, log, write(draft, folder), doubt, missing)
+    return DONE
 
 
 def _try(simulator: Simulator, log: pd.DataFrame) -> None:
