@@ -286,6 +286,11 @@ class Effect(ABC):
         """Return the hooks that the effect overrides."""
         return _hooks(cls)
 
+    @classmethod
+    def filters_readings(cls) -> bool:
+        """Return whether it is a fault of a sensor with memory: undoing it filters the reading's noise."""
+        return cls.n_states > 0 and "measure" in cls.hooks()
+
     def replace(self, **values: float) -> Effect:
         """Return the same effect with some values changed."""
         return type(self)(**{**self.values, **values})

@@ -51,7 +51,8 @@ class Worth:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
         left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
-        if spread is not None and not evidence.exact and self._filters(fit.spec):
+        filters = any(evidence.effects[name].filters_readings() for name in fit.spec)
+        if spread is not None and not evidence.exact and filters:
             score -= self._below_noise(left)
         filtered = evidence.filtered(fit.spec, self.base.z) if fit.spec else None
         if filtered is not None:
@@ -152,11 +153,6 @@ class Worth:
             D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
             self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
         return self._jacobians[key], slots_of(self.evidence.effects, fit.spec)
-
-    def _filters(self, spec: Spec) -> bool:
-        """Return whether undoing a sensor fault filters its noise: one with memory does, an offset does not."""
-        effects = [self.evidence.effects[name] for name in spec]
-        return any(e.n_states and "measure" in e.hooks() for e in effects)
 
 
 def _longest_run(evidence: ResidualSource) -> float:

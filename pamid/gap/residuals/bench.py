@@ -323,7 +323,7 @@ class Evidence:
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return by how much undoing the lags of sensors widens each window's noise; None without such effects."""
-        lags = {name: values for name, values in spec.items() if _lags(self.effects[name])}
+        lags = {name: values for name, values in spec.items() if self.effects[name].filters_readings()}
         if not lags:
             return None
         key = repr(lags)
@@ -333,7 +333,7 @@ class Evidence:
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return each window's noise as a share of the nominal simulator's; lags are left to `widening`."""
-        instant = {name: values for name, values in spec.items() if not _lags(self.effects[name])}
+        instant = {name: values for name, values in spec.items() if not self.effects[name].filters_readings()}
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
         if key not in self._spreads:
             params = self.corrected(instant, dict(zip(self.free, map(float, x), strict=True)))
@@ -372,11 +372,6 @@ class Evidence:
                         column = np.minimum(self.side[slot], series.shape[1] - 1)
                         self._state[key][slot] = series[at, column]
         return self._state
-
-
-def _lags(effect: type[Effect]) -> bool:
-    """Return whether an effect is a lag of a sensor, which is undone in its readings."""
-    return effect.n_states > 0 and "measure" in effect.hooks()
 
 
 def _smallest(value: np.ndarray, noise: np.ndarray, parts: Sequence[slice]) -> np.ndarray:

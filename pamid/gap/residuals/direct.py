@@ -477,14 +477,14 @@ class DirectEvidence(UndoneEvidence):
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
-        log, joints, spans = self.log, self.joints, {name: float(np.ptp(x)) for name, x in self._table.items()}
-        for j in joints:
+        log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
+        for j in self.joints:
             if not j.position:
                 spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
         readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
         tops, lows = ({k: float(of(x)) for k, x in self._table.items()} for of in (lambda x: np.max(np.abs(x)), np.min))
         if self.says_forces:  # as the rates that they cause
-            push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in joints}
+            push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in self.joints}
             gaps = {name: gap * push.get(name, 1.0) for name, gap in gaps.items()}
         return SignalSizes(
             spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds

@@ -16,14 +16,16 @@ from ...equations.noise import channel_noise
 from ..settings import EXCESS, LEAST_GAIN, MATERIAL
 
 
+def white_over(x: np.ndarray, spans: Sequence[tuple[int, int]], n: int) -> float:
+    """Return the standard deviation of a channel's white noise over all runs; windows have n samples."""
+    power = [channel_noise(x[a:b], n).white ** 2 for a, b in spans]
+    return float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
+
+
 def rough_inputs(u: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
     """Return the standard deviation of what is white in each input; 0 where it is none, or most of the input."""
-    found = np.zeros(len(u))
-    for k, row in enumerate(u):
-        power = [channel_noise(row[a:b], 1).white ** 2 for a, b in spans]
-        sigma = float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
-        found[k] = sigma if sigma < MATERIAL * float(np.std(row)) else 0.0  # more drives the system
-    return found
+    sigma = np.array([white_over(row, spans, 1) for row in u])
+    return np.where(sigma < MATERIAL * np.std(u, axis=1), sigma, 0.0)  # more drives the system
 
 
 def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], parts: Sequence[slice]) -> list[int]:
@@ -32,12 +34,10 @@ def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], 
     `left` are the residuals without what is slow, `readings` draws of the noise of readings, and `inputs` of each
     input's, made alike.
     """
-    size = _sizes(left[None], parts)
-    alone = _sizes(readings, parts)
+    size, alone, known = _sizes(left[None], parts), _sizes(readings, parts), _uncertain(parts)
     best, chosen = _unlikely(size, alone, parts) - LEAST_GAIN, list[int]()
     for some in ([*range(len(inputs))], *([k] for k in range(len(inputs)) if len(inputs) > 1)):
         both = _sizes(readings + np.sum([inputs[k] for k in some], axis=0), parts)
-        known = _uncertain(parts)
         if np.all(size <= both * (1.0 + known)) and (value := _unlikely(size, both, parts)) < best:
             best, chosen = value, some
     return chosen

@@ -130,7 +130,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
-        self.hear_inputs(self._without_causes().z)
+        self.hear_inputs()
         if STEPS in self.skews and not self._stepped_alone():
             self._set_aside(STEPS)
         if self.lines:
@@ -153,15 +153,6 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
     def base_loglik(self) -> float:
         """Return the likelihood of the log without any cause."""
         return self._without_causes().loglik
-
-    def hear_inputs(self, z: np.ndarray) -> bool:
-        """Return whether what a fit leaves shows the noise of inputs, which then counts."""
-        if not self._hear_inputs(z):
-            return False
-        self._laid.clear()
-        self.z0 = self._whitening.white(self.value / self.noise)
-        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
-        return True
 
     def _without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""

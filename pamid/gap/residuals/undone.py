@@ -172,7 +172,7 @@ class UndoneEvidence(PortEvidence, ABC):
 
     def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
         """Return residuals filtered as undoing faults of readings filters their noise; None without such faults."""
-        faults = {k: v for k, v in spec.items() if self.placements[k].enters == "output" and self._filters(k)}
+        faults = {k: v for k, v in spec.items() if self._filters(self.placements[k])}
         if not faults:
             return None
         drawn, changed = self._noisier(faults)
@@ -192,9 +192,9 @@ class UndoneEvidence(PortEvidence, ABC):
 
         return self._moved.get(_key(spec), made)
 
-    def _filters(self, key: str) -> bool:
-        """Return whether undoing a fault filters a reading: one with memory does, an offset does not."""
-        return self.placements[key].at in self.simulator.states and self.placements[key].effect.n_states > 0
+    def _filters(self, place: Placement) -> bool:
+        """Return whether undoing a fault in the reading of a state filters its noise."""
+        return place.enters == "output" and place.at in self.simulator.states and place.effect.filters_readings()
 
     def _changes_noise(self, place: Placement) -> bool:
         """Return whether an effect follows noisy readings as the model does, so that both may cancel."""

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...equations.noise import channel_noise
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
+from ..inference.student_t import RobustFit
 from .coarse import noisy_copies
-from .measured_inputs import exceeds, rough_inputs, shown, without_slow
+from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
 from .tolerances import rms
@@ -71,6 +71,10 @@ class WindowNoise(ABC):
         """Return the change of the residuals by one tolerance of each parameter."""
 
     @abstractmethod
+    def _without_causes(self) -> RobustFit:
+        """Return the fit of parameters and clocks without any cause."""
+
+    @abstractmethod
     def _under_inputs(self, u: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under other inputs."""
 
@@ -80,9 +84,7 @@ class WindowNoise(ABC):
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample."""
-        x = self.log.channels[name]
-        found = [channel_noise(x[a:b], width).white for a, b in self.log.spans]
-        return float(np.sqrt(np.average(np.square(found), weights=[b - a for a, b in self.log.spans])))
+        return white_over(self.log.channels[name], self.log.spans, width)
 
     def _noisy(self) -> list[str]:
         """Return the channels that are noisy readings; commands are exact."""
@@ -113,25 +115,27 @@ class WindowNoise(ABC):
             least = max(0.04 * typical, accuracy**2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
 
-    def _hear_inputs(self, z: np.ndarray) -> bool:
-        """Add the noise of inputs where what a fit leaves, white, shows it; return whether it does."""
+    def hear_inputs(self, fitted: np.ndarray | None = None) -> bool:
+        """Return whether what a fit leaves, white, shows the noise of inputs, which then counts.
+
+        By default it is a fit without any cause.
+        """
         if self._heard or self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
         sigma = rough_inputs(self._u, self.log.spans)
         if not np.any(sigma):
             return False
-        begin = {p.start for p in self.parts}
-        new = [k for k in range(len(self.run)) if k in begin or self.run[k] != self.run[k - 1]]
+        begin = [p.start for p in self.parts if p.stop > p.start]
+        new = np.union1d(begin, np.flatnonzero(np.diff(self.run)) + 1).astype(int).tolist()
 
         def quick(z: np.ndarray) -> np.ndarray:
-            return (
-                z if self.simulates else without_slow(z, new, NEAR)
-            )  # predictions lose little by little what noise adds
+            # Predictions go astray slowly by the noise of inputs.
+            return z if self.simulates else without_slow(z, new, NEAR)
 
         def judged(r: np.ndarray) -> np.ndarray:
             return quick(self._whitening.white(r / self.noise))
 
-        left = quick(z)
+        left = quick(self._without_causes().z if fitted is None else fitted)
         readings = np.array([judged(one) for one in self._drawn])
         if not exceeds(left, readings, self.parts):
             return False
@@ -143,15 +147,23 @@ class WindowNoise(ABC):
         ]
         alike = [np.array([judged(one) for one in each]) for each in draws]
         which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
+        if not which:
+            return False
         for k in which:
             self._drawn += np.array(draws[k])[np.arange(count) % different]
-        if which:
-            names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
-            self._heard = True
-            self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
-            self._level()
-            self._correlate()
-        return bool(which)
+        names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
+        self._heard = True
+        self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
+        self._level()
+        self._correlate()
+        self._lay_again()
+        return True
+
+    def _lay_again(self) -> None:
+        """Compute white residuals and slopes with noise that has changed."""
+        self._laid.clear()
+        self.z0 = self._whitening.white(self.value / self.noise)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
 
     def _correlate(self) -> None:
         """Estimate how the noise of each window goes with that of others."""
@@ -224,6 +236,4 @@ class WindowNoise(ABC):
         for equation, part in zip(self.equations, self.parts, strict=True):
             self.noise[part] *= times.get(equation, 1.0)
             self._drawn[:, part] *= times.get(equation, 1.0)
-        self._laid.clear()
-        self.z0 = self._whitening.white(self.value / self.noise)
-        self.J = self._slopes_at(self._own, np.zeros(len(self.free)))
+        self._lay_again()
