@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
 
 ROTOR = EquationSimulator(
@@ -52,3 +53,10 @@ def test_friction_is_named_beside_the_noise_of_an_input():
     assert found.causes[0].effects[0] == "coulomb_friction"
     assert found.causes[0].parameters["amplitude"].value == pytest.approx(0.1, rel=0.1)  # A
     assert any("The noise of i counts" in note for note in found.notes)
+
+
+def test_undoing_a_fault_of_a_reading_leaves_the_noise_of_inputs():
+    evidence = evidence_of(spun(acts=False), ROTOR)
+    assert any("The noise of i counts" in note for note in evidence.notes)
+    least = {"sensor_lag@q": {"time_constant": 1e-4, "second": 1e-4}}
+    assert evidence.spread(least, np.zeros(len(evidence.free))) == pytest.approx(1.0, abs=1e-2)

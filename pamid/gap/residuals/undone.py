@@ -188,6 +188,7 @@ class UndoneEvidence(PortEvidence, ABC):
         def made() -> tuple[np.ndarray, np.ndarray]:
             active, numbers = self.active(spec), self.simulator.numbers
             changed = self._residual(active, numbers, self._copies[-1]) - self._residual(active, numbers)
+            changed += self._entered[-1]  # effects on readings leave the noise of inputs as it is
             return self._whitening.white(self._drawn[-1] / self.noise), self._whitening.white(changed / self.noise)
 
         return self._moved.get(_key(spec), made)

@@ -57,6 +57,7 @@ class WindowNoise(ABC):
     _laid: Remembered[np.ndarray]
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
+    _entered: np.ndarray
     _heard = False
     _whitening: Whitening
 
@@ -100,7 +101,7 @@ class WindowNoise(ABC):
         self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
-        self._drawn = drawn
+        self._drawn, self._entered = drawn, np.zeros_like(drawn)
         self._level()
 
     def _level(self) -> None:
@@ -149,8 +150,8 @@ class WindowNoise(ABC):
         which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
         if not which:
             return False
-        for k in which:
-            self._drawn += np.array(draws[k])[np.arange(count) % different]
+        self._entered = np.sum([draws[k] for k in which], axis=0)[np.arange(count) % different]
+        self._drawn = self._drawn + self._entered
         names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
         self._heard = True
         self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
@@ -234,6 +235,6 @@ class WindowNoise(ABC):
     def widen(self, times: Mapping[str, float]) -> None:
         """Scale the noise of equations."""
         for equation, part in zip(self.equations, self.parts, strict=True):
-            self.noise[part] *= times.get(equation, 1.0)
-            self._drawn[:, part] *= times.get(equation, 1.0)
+            for of in (self.noise, self._drawn, self._entered):
+                of[..., part] *= times.get(equation, 1.0)
         self._lay_again()
