@@ -13,7 +13,7 @@ from .values import parameter
 
 
 class BraidGeometry(Effect):
-    r"""Braid whose diameter and angle differ from the model's, and hence the areas by which it pulls and pushes.
+    r"""Braid whose diameter and angle, hence the areas by which it pulls and pushes, differ from the model's.
 
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)
@@ -203,7 +203,7 @@ class ThresholdPressure(Effect):
 
 
 class ThreadExtensibility(Effect):
-    r"""Threads that lengthen with the pressure, on which the volume then depends.
+    r"""Threads that lengthen with the pressure, making the volume pressure-dependent.
 
     .. math:: b = b_0\,(1 + \kappa p), \qquad \Delta F = \frac{p}{L_0}\left(\frac{\partial V(b)}{\partial
         \varepsilon} - \frac{\partial V(b_0)}{\partial\varepsilon}\right) = -p\,\frac{b^2 - b_0^2}{4\pi n^2}

@@ -102,7 +102,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     }
     yield (
         "docs/choosing.md",
-        f"{share[True, learning]:.2f} times the error of PID alone, instead of {share[True, inverse]:.2f}",
+        f"{share[True, learning]:.2f} (without: {share[True, inverse]:.2f}) times the error of PID alone",
     )
     yield (
         "docs/inverse.md",
@@ -145,8 +145,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         for name, log in (("InvertedForce(tondu_lopez)", 1), ("InverseModel", 1), ("InvertedForce(tondu_lopez)", 2))
     )
     directed = at("other-benches-inverse", "InverseModel(direction)", 2)
-    beyond = f"{geometry:.2f} kPa instead of {learnt:.1f} (`InverseModel`); with Coulomb friction, though,"
-    yield "docs/choosing.md", f"{beyond} {friction:.1f} instead of {directed:.1f} (`InverseModel(direction)`)"
+    beyond = f"error {geometry:.2f} kPa, `InverseModel` {learnt:.1f}; with Coulomb friction, though,"
+    yield "docs/choosing.md", f"{beyond} {friction:.1f}, `InverseModel(direction)` {directed:.1f}"
     runs = [at("other-benches-dynamic", "ForwardModel(direction)", log) for log in (1, 2, 3)]
     rows = re.findall(
         r"^(?!dynamic)(.*?) {2,}([\d.]+)\*? +([\d.]+)\*? +([\d.]+)", blocks["other-benches-dynamic"], re.M
