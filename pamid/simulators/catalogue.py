@@ -14,6 +14,7 @@ from ..effects.leakage import PortLeakage
 from ..effects.limits import ReadingRange
 from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
 from ..effects.springs import LowerStop, Spring, UpperStop
+from ..effects.steady import SteadyForce, SteadyHeating, SteadyInflow
 from ..errors import UnknownOptionError
 from ..signals.units import UNITS, Unit
 from .at_links import at_link
@@ -43,6 +44,9 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "spring": ("link", Spring),
     "upper_stop": ("joint", UpperStop),
     "lower_stop": ("joint", LowerStop),
+    "steady_force": ("joint", SteadyForce),
+    "steady_inflow": ("chamber", SteadyInflow),
+    "steady_heating": ("chamber", SteadyHeating),
     "parameter_deviation": ("parameter", ParameterDeviation),
     "parameter_drift": ("parameter", ParameterDrift),
     "added_inertia": ("parameter", AddedInertia),
@@ -176,6 +180,8 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
+            if effect is SteadyForce and (joint.through or joint.velocity in survey.driven):
+                continue  # a bias of the input there is the same
             if not follows_motion(effect) or (issubclass(effect, UpperStop) and not joint.position):
                 continue
             scale = 1.0 if effect.site == "joint" else span / STRAIN
@@ -212,7 +218,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
         domain = "temperature" if _temperature(signal) else "store"
         signed = survey.lows.get(state, 0.0) < -EDGE * span  # no level, but a current, say
         for effect_name, effect in _effects_at("chamber"):
-            if effect.domain != domain:
+            if effect.domain != domain or (issubclass(effect, SteadyInflow) and (through or state in survey.driven)):
                 continue
             into = ""
             hidden: tuple[str, ...] = ()

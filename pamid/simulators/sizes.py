@@ -49,6 +49,14 @@ class SignalSizes(NamedTuple):
         """Scale of one second of the log, s."""
         return typical_second(self.run_length, self.interval)
 
+    @property
+    def driven(self) -> set[str]:
+        """The states that an input of their own pushes, and no other state."""
+        pushed: dict[str, list[str]] = {}
+        for of, state in self.pushes:
+            pushed.setdefault(of, []).append(state)
+        return {states[0] for states in pushed.values() if len(states) == 1}
+
     @classmethod
     def together(cls, each: Sequence[SignalSizes]) -> SignalSizes:
         """Return the sizes of the signals of several logs of one simulator."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -91,7 +91,7 @@ def joints_of(
             if unit == "-" and velocity:
                 unit = rate_unit(simulator, velocity)
             found.append(JointPort(port.name, port.position, velocity, through, unit))
-    known = {j.position for j in found} | {j.velocity for j in found}
+    declared, known = len(found), {j.position for j in found} | {j.velocity for j in found}
     taken = {j.through for j in found}
     speeds = {v: k for k, v in pairs.items()}
     for name in simulator.states:
@@ -104,7 +104,22 @@ def joints_of(
         taken |= {through} if through else set()
         unit = simulator.port(through).unit if through else rate_unit(simulator, name)
         found.append(JointPort(position or name, position, name, through, unit))
-    return found
+    mixed = [k for k in range(declared, len(found)) if _mixed(found[k], found, pushes)]
+    return [
+        j._replace(through="", unit=rate_unit(simulator, j.velocity)) if k in mixed else j for k, j in enumerate(found)
+    ]
+
+
+def _mixed(joint: JointPort, joints: Sequence[JointPort], pushes: Mapping[tuple[str, str], float]) -> bool:
+    """Return whether the input at a joint is a force of another kind, such as of a rotor beside the centre of mass.
+
+    The response of joints to forces at them is symmetric (action equals reaction), up to the units of the inputs.
+    """
+    return any(
+        pushes.get((other.through, joint.velocity), 0.0) * pushes.get((joint.through, other.velocity), 0.0) < 0.0
+        for other in joints
+        if joint.through and other.through != joint.through
+    )
 
 
 def pushes_of(
