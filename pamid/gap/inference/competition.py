@@ -127,7 +127,8 @@ class Competition(FirstOrder):
         for subset in self._promising(about, contenders):
             if len(subset.templates) > 1 and not grown and best.fit.spec:
                 best, grown = self._grown(best), True
-            if len(subset.templates) > 1 and self.evidence.bends and best.fit.spec and self.enough(best):
+            larger = len(subset.templates) > len(best.fit.spec) > 0
+            if larger and self.evidence.bends and self.enough(best):
                 break
             names = frozenset(self.templates[t].effect for t in subset.templates)
             if self.evidence.bends and len(names) >= LARGE and any(len(names - other) < 2 for other in tried):

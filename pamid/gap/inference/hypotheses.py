@@ -77,7 +77,7 @@ class Screen(NamedTuple):
 
 
 def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
-    """Return the sets to refit, small ones first: those close to the best, and the best two of one effect."""
+    """Return the sets to refit, small ones first: those close to the best, and the best two of one and two effects."""
     some = [s for s in found if s.templates]
     if not some:
         return []
@@ -88,8 +88,8 @@ def contenders(found: Sequence[Subset], nothing: float) -> list[Subset]:
             break
         if not any(set(c.templates) < set(s.templates) for c in chosen):
             chosen.append(s)
-    single = [s for s in some if len(s.templates) == 1 and s not in chosen]
-    return sorted([*chosen, *single[:2]], key=lambda s: (len(s.templates), -s.score))
+    few = [s for n in (1, 2) for s in [s for s in some if len(s.templates) == n and s not in chosen][:2]]
+    return sorted([*chosen, *few], key=lambda s: (len(s.templates), -s.score))
 
 
 ALMOST = 0.1

@@ -267,7 +267,7 @@ class Subsets:
     def _promising(self, beam: Sequence[Subset]) -> list[tuple[Subset, int]]:
         """Return the most promising sets with one effect more, each effect at the grid point that adds most."""
         best: dict[frozenset[str], tuple[float, Subset, int]] = {}
-        for parent in beam:
+        for parent in [*beam, *self._elsewhere(beam)]:
             gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
             for t in np.argsort(-gains, kind="stable"):
                 effect = self.library[t].effect
@@ -279,6 +279,19 @@ class Subsets:
                     best[names | {effect}] = promised, parent, int(t)
         ranked = sorted(best.values(), key=lambda found: -found[0])
         return [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+
+    def _elsewhere(self, beam: Sequence[Subset]) -> list[Subset]:
+        """Return single effects at the other points of their grids, where these alone say how large an effect is.
+
+        Beside others it may be larger than by itself: of two alike rotors one that lags alone would turn the body.
+        """
+        singles = {s.templates[0]: s for s in beam if len(s.templates) == 1}
+        effects = {self.library[t].effect for t in singles}
+        return [
+            self.fit((t,), beam[0])
+            for t, template in enumerate(self.library)
+            if template.effect in effects and t not in singles and not template.linear
+        ]
 
     def _distinct(self, ranked: Sequence[Subset]) -> list[Subset]:
         """Return the best set of each combination of families."""
