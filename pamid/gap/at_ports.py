@@ -45,7 +45,7 @@ def diagnose_at_ports(
     effects: str | Sequence[str],
     seed: int,
     say: Callable[[str], None],
-    change: float | None = None,
+    change: Callable[[int], float] | None = None,
 ) -> Diagnosis:
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True)
@@ -78,7 +78,7 @@ def diagnose_evidence(
     effects: str | Sequence[str],
     seed: int,
     say: Callable[[str], None] = lambda _: None,
-    change: float | None = None,
+    change: Callable[[int], float] | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
     """Return the diagnosis of a log's evidence, and the residual of a learner on it."""
     from threadpoolctl import threadpool_limits

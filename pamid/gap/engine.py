@@ -82,14 +82,14 @@ def explain(
     known: Mapping[str, Sequence[Template]] | None = None,
     interrupted: bool = False,
     run: Run | None = None,
-    change: float | None = None,
+    change: Callable[[int], float] | None = None,
     heed: Callable[[Spec], None] = lambda _: None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
     Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
-    `change`, runs that disagree about an effect raise `RunsDifferError`. `heed` is told the best set of effects, and
-    may raise where this evidence cannot judge it.
+    `change` at one of so many borders, parts that disagree about an effect raise `RunsDifferError`. `heed` is told the
+    best set of effects, and may raise where this evidence cannot judge it.
     """
     from threadpoolctl import threadpool_limits
 
@@ -98,8 +98,8 @@ def explain(
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         competition = Competition(searched or evidence, library, say, known)
         screen = screened(competition, interrupted, say)
-        if change is not None and runs_differ(competition, screen, change):
-            raise RunsDifferError
+        if change is not None and (border := runs_differ(competition, screen, change)) is not None:
+            raise RunsDifferError(border)
         outcome = competition.refit(screen)
 
         def so_far() -> Outcome:

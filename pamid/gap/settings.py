@@ -20,6 +20,8 @@ KEPT = 5
 """Sets of effects kept at each size, and refitted exactly."""
 CLOSE, CLOSE_SHARE = 12.0, 0.08
 """Largest first-order deficit at which a set is still refitted: nats, and share of the best set's gain."""
+FEWEST = 12
+"""Windows below which a part of a log is too short to say what acts in it, or repeats."""
 GRID = 0.3
 """Smallest share of an effect's gain that a point of its grid explains: ``python benchmarks/grids.py``."""
 

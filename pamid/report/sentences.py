@@ -21,6 +21,7 @@ from .quantities import (
     probability,
     run_named,
 )
+from .several import changed
 from .when import when
 from .words import BENCH, Words
 
@@ -102,9 +103,9 @@ def answers(diagnosis: Diagnosis) -> Answers:
     >>> answers(diagnose(log, nominal, ["leakage"])).verdict
     'One cause: leakage'
     """
-    asked = question(diagnosis)
-    first = f"{asked} {where(diagnosis)}" if asked else where(diagnosis)
-    return Answers(verdict(diagnosis), first, which(diagnosis), how_far(diagnosis))
+    first = f"{question(diagnosis)} {where(diagnosis)}".lstrip()
+    cause = " ".join([which(diagnosis), *map(changed, diagnosis.changes)])
+    return Answers(verdict(diagnosis), first, cause, how_far(diagnosis))
 
 
 def verdict(d: Diagnosis) -> str:

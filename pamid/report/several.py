@@ -17,10 +17,12 @@ def changed(change: Change) -> str:
     name = capital(name)
     what = parameter(change.parameter)
     values = [amount(v, change.unit) for v in (change.before, change.after) if math.isfinite(v)]
+    since = change.log if change.log.startswith("from ") else f"with {change.log}"
+    until = since.replace("with ", "from ", 1)
     said = {
-        "appears": f"{name} appears with {change.log}: {what} {values[-1] if values else 'unknown'}",
-        "goes": f"{name} is gone from {change.log} on: {what} {values[0] if values else 'unknown'} before",
-        "grows": f"{name} grows with {change.log}: {what} from {' to '.join(values)}",
-        "shrinks": f"{name} shrinks with {change.log}: {what} from {' to '.join(values)}",
+        "appears": f"{name} appears {since}: {what} {values[-1] if values else 'unknown'}",
+        "goes": f"{name} is gone {until} on: {what} {values[0] if values else 'unknown'} before",
+        "grows": f"{name} grows {since}: {what} from {' to '.join(values)}",
+        "shrinks": f"{name} shrinks {since}: {what} from {' to '.join(values)}",
     }.get(change.how, f"{name} differs from {change.log} on")
     return f"{said} (log-likelihood higher by {change.evidence:.0f} than with one that stays)."

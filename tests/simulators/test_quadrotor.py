@@ -17,7 +17,8 @@ SIDEWAYS = EquationSimulator(
     },
     [
         Port("F1", "input", "N"), Port("F2", "input", "N"), Port("x", "state", "m"), Port("z", "state", "m"),
-        Port("th", "state", "rad"), Port("vx", "state", "m/s"), Port("vz", "state", "m/s"), Port("om", "state", "rad/s"),
+        Port("th", "state", "rad"), Port("vx", "state", "m/s"), Port("vz", "state", "m/s"),
+        Port("om", "state", "rad/s"),
     ],
     {"m": M, "J": INERTIA, "l": ARM, "cx": DRAG},
 )  # fmt: skip

@@ -280,10 +280,8 @@ def _ranking(d: Diagnosis) -> str:
 
 def _print_notes(d: Diagnosis) -> None:
     from ...report.sentences import experiment
-    from ...report.several import changed
 
-    lines = [("changed", changed(c)) for c in d.changes]
-    lines += [("note", text) for text in d.notes]
+    lines = [("note", text) for text in d.notes]
     if d.next_experiment is not None:
         lines.append(("next", experiment(d.next_experiment)))
     if lines:

@@ -1,57 +1,115 @@
-r"""Whether the runs of one log disagree about the size of an effect: then they are not runs of one and the same system.
+r"""Whether the runs of one log, or the two parts of one, disagree about the size of an effect.
 
-With the best template of each effect cut at a border between two runs, so that each side has a coefficient of its own,
+Then they are not of one and the same system: an effect came, went or changed. With the best template of each effect cut
+at a border between two runs, or at a window, so that each side has a coefficient of its own,
 
 .. math:: \ell_2 - \ell_S > \text{margins of first order}
 
-for the best set S whose sizes all runs share.
+for the best set S whose sizes are the same all along. Each border costs the logarithm of how many there are.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from ..settings import CLOSE, CLOSE_SHARE, KEPT
+from ..residuals.protocol import ResidualSource
+from ..settings import CLOSE, CLOSE_SHARE, FEWEST, KEPT
 from .first_order import FirstOrder
 from .hypotheses import Screen
 from .sensitivity import Template
 
 
+class Border(NamedTuple):
+    """Where a log is cut in two: between two runs, within one, or at one time of each."""
+
+    run: str
+    """Name of the first run after it, or of the run that it divides; empty where it divides each."""
+    time: float | None = None
+    """Where it divides a run, s from its beginning; None between runs."""
+
+
 class RunsDifferError(Exception):
-    """The runs of a log disagree about the size of an effect."""
+    """The two sides of a border in a log disagree about the size of an effect."""
+
+    def __init__(self, border: Border) -> None:
+        super().__init__(border)
+        self.border = border
 
 
-def runs_differ(first: FirstOrder, screen: Screen, odds: float) -> bool:
-    """Return whether one effect with its own size before and after a run beats every set that all runs share."""
+def runs_differ(first: FirstOrder, screen: Screen, odds: Callable[[int], float]) -> Border | None:
+    """Return the border at which one effect with two sizes beats every set with one; None where none does.
+
+    `odds` are the log odds with which an effect acts on one side only of one of so many borders.
+    """
     if screen.about is None:
-        return False
-    nothing, borders = screen.about.fit(()), np.unique(first.evidence.run)[1:]
+        return None
+    nothing = screen.about.fit(())
     best = max((s.score for s in screen.contenders), default=nothing.score)
-    cut = list(_cut(first, borders))
-    about = first.about_nothing(cut)
-    for t in np.argsort(-about.gains(about.fit(())), kind="stable")[:KEPT]:
-        subset = about.fit((int(t),))
-        found = subset.score - about.cost[cut[int(t)].effect] + odds  # a size more, and the change itself
-        if found > best + CLOSE + CLOSE_SHARE * max(found - nothing.score, 0.0):
-            return True
-    return False
+    for borders, after in _borders(first.evidence):
+        cut = list(_cut(first, after))
+        about = first.about_nothing([_in_two(template, after[k]) for template, k in cut])
+        for t in np.argsort(-about.gains(about.fit(())), kind="stable")[:KEPT]:
+            template, k = cut[int(t)]
+            # A size more, and the change itself.
+            found = about.fit((int(t),)).score - about.cost[template.effect] + odds(len(borders))
+            if found > best + CLOSE + CLOSE_SHARE * max(found - nothing.score, 0.0):
+                near = range(max(k - FEWEST, 0), min(k + FEWEST, len(borders) - 1) + 1)
+                about = first.about_nothing([_in_two(template, after[j]) for j in near])
+                return borders[near[int(np.argmax([about.fit((i,)).score for i in range(len(near))]))]]
+    return None
 
 
-def _cut(first: FirstOrder, borders: np.ndarray) -> Iterator[Template]:
-    """Yield each effect at the point of its grid that explains most if cut at a border."""
-    evidence, best = first.evidence, dict[str, tuple[float, Template]]()
-    root = np.sqrt(first.base.weights)
+def _borders(evidence: ResidualSource) -> Iterator[tuple[list[Border], np.ndarray]]:
+    """Yield borders between runs, within one, and at a time of each, with the windows after them, (n_borders, n)."""
+    names, runs = evidence.trajectories, np.unique(evidence.run)[1:]
+    if len(runs):
+        yield [Border(names[k]) for k in runs], evidence.run >= runs[:, None]
+    instants, order = np.unique(np.stack([evidence.run, evidence.time]), axis=1, return_inverse=True)
+    inside = [k for k in range(FEWEST, instants.shape[1] - FEWEST) if instants[0, k] == instants[0, k - 1]]
+    if inside:
+        middle = [0.5 * (instants[1, k - 1] + instants[1, k]) for k in inside]
+        borders = [Border(names[int(instants[0, k])], float(t)) for k, t in zip(inside, middle, strict=True)]
+        yield borders, order.ravel() >= np.array(inside)[:, None]
+    times = np.unique(evidence.time)[FEWEST:-FEWEST]
+    if len(runs) and len(times):
+        yield [Border("", float(t)) for t in times], evidence.time >= times[:, None]
+
+
+def _cut(first: FirstOrder, after: np.ndarray) -> Iterator[tuple[Template, int]]:
+    """Yield each effect at the point of its grid, and the border, where it explains most if cut, and that border."""
+    evidence, best = first.evidence, dict[str, tuple[float, Template, int]]()
+    # Not weighted as nothing but noise would be: what follows a change are no outliers.
+    sizes = [part.stop - part.start for part in evidence.parts]
+    root, sides = np.sqrt(np.repeat(first.fitter.weights, sizes)), after.astype(float)
     for template in first.templates:
-        for border in borders:
-            after = (evidence.run >= border)[:, None]
-            columns = np.column_stack([template.columns * ~after, template.columns * after])
-            A = columns * root[:, None]
-            b = A.T @ (evidence.z0 * root)
-            gain = float(b @ np.linalg.pinv(A.T @ A, rcond=1e-9) @ b)
-            if gain > best.get(template.effect, (0.0, None))[0]:
-                lower, upper = np.tile(template.lower, 2), np.tile(template.upper, 2)
-                best[template.effect] = gain, replace(template, columns=columns, lower=lower, upper=upper)
-    yield from (template for _, template in best.values())
+        A = template.columns * root[:, None]
+        products = np.column_stack([A * (evidence.z0 * root)[:, None], _squares(A)])
+        later, k = sides @ products, A.shape[1]
+        gain = sum((_gain(side, k) for side in (later, products.sum(axis=0) - later)), np.zeros(len(after)))
+        top = int(np.argmax(gain))
+        if gain[top] > best.get(template.effect, (0.0, None, 0))[0]:
+            best[template.effect] = float(gain[top]), template, top
+    yield from ((template, top) for _, template, top in best.values())
+
+
+def _in_two(template: Template, after: np.ndarray) -> Template:
+    """Return an effect with a size of its own on each side of a border."""
+    columns = np.column_stack([template.columns * ~after[:, None], template.columns * after[:, None]])
+    return replace(template, columns=columns, lower=np.tile(template.lower, 2), upper=np.tile(template.upper, 2))
+
+
+def _squares(A: np.ndarray) -> np.ndarray:
+    """Return the products of columns with each other, window by window, shape (n, k²)."""
+    return (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
+
+
+def _gain(products: np.ndarray, k: int) -> np.ndarray:
+    """Return what k columns explain on one side of each border."""
+    b, G = products[:, :k], products[:, k:].reshape(-1, k, k)
+    scale = np.trace(G, axis1=1, axis2=2)[:, None, None]
+    x = np.linalg.solve(G + (1e-9 * scale + 1e-300) * np.eye(k), b[..., None])[..., 0]
+    return np.asarray(np.sum(b * x, axis=1))

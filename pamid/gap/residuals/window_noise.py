@@ -12,6 +12,7 @@ from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
 from ..inference.student_t import RobustFit
+from ..settings import FEWEST
 from .coarse import noisy_copies
 from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
@@ -25,8 +26,6 @@ NEAR = 12
 """Windows to either side over which the noise of one is averaged."""
 MEASURED = "The noise of {} counts: the residuals show it, so that it is measured rather than commanded."
 _LEAST = 1e-6
-FEWEST = 12
-"""Windows below which two runs are too short to say what repeats."""
 
 
 class WindowNoise(ABC):

@@ -9,7 +9,7 @@ from ...errors import ParameterError
 from ...explained import explained_by
 from .conditions import Conditions, conditions_of
 from .history import History
-from .logs import diagnose, runs_of
+from .logs import diagnose, diagnosed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -80,9 +80,9 @@ def go_on(
     every, those = {**history.logs, **logs}, {**history.held, **dict(zip(logs, held, strict=True))}
     asked: Any = next(iter(every.values())) if alone and len(every) == 1 and not conditions else every
     held_by = those if asked is every else None
-    found = diagnose(asked, history.simulator, history.library, conditions=held_by, seed=seed, progress=progress)
-    if held_by is None and found.logs:  # its runs turned out to differ
-        logs = runs_of(asked)
-        held = conditions_of(list(logs), None)
+    say = progress or (lambda _: None)
+    found, parts = diagnosed(asked, history.simulator, history.library, held_by, seed, say)
+    if parts:
+        logs, held = parts, conditions_of(list(parts), None)
     history.add(found, logs, held)
     return found

@@ -6,12 +6,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ...signals.frames import logs_as_pandas
 from ...simulators.base import Simulator
 from ..at_ports import diagnose_at_ports
 from ..diagnosis.result import Diagnosis
 from ..engine import diagnose_bench
-from ..inference.runs_differ import RunsDifferError
+from ..inference.runs_differ import Border, RunsDifferError
 from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 APART = "The runs of this log differ in the size of an effect: each is taken as a log of its own."
 """Note where runs that were given as one log are diagnosed as several."""
+WITHIN = "The size of an effect changes within this log: its two parts are taken as logs of their own."
+"""Note where a log is cut in two."""
 
 
 def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
@@ -31,6 +35,26 @@ def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
     if "trajectory" not in log:
         return {"log": log}
     return {str(name): rows.reset_index(drop=True) for name, rows in log.groupby("trajectory", sort=False)}
+
+
+def parted(runs: Mapping[str, pd.DataFrame], border: Border) -> dict[str, pd.DataFrame]:
+    """Return few runs as logs of their own; cut within a run, or of many, what lies before a border and after it."""
+    import pandas as pd
+
+    if border.time is None and len(runs) <= MOST_DAYS:
+        return dict(runs)
+    tables, k, time = list(runs.values()), list(runs).index(border.run) if border.run in runs else 0, border.time or 0.0
+    begins = [float(np.nanmin(table["time"])) for table in tables]
+    halves = [[t[t["time"] < b + time], t[t["time"] >= b + time]] for t, b in zip(tables, begins, strict=True)]
+    where = f"{begins[k] + time:.4g} s"
+    sides = [*tables[:k], halves[k][0]], [halves[k][1], *tables[k + 1 :]]
+    until = where if len(runs) == 1 else border.run if border.time is None else f"{where} of {border.run}"
+    if not border.run and len(runs) > 1:
+        sides, until = ([a for a, _ in halves], [b for _, b in halves]), f"{where} of each run"
+    return {
+        f"{word} {until}": pd.concat([t for t in side if len(t)], ignore_index=True)
+        for word, side in zip(("until", "from"), sides, strict=True)
+    }
 
 
 def diagnose(
@@ -122,20 +146,32 @@ def diagnose(
     >>> found.causes[0].effects, found.causes[0].where, round(found.causes[0].parameters["coefficient"].value, 1)
     (('viscous_friction',), ('x',), 3.0)
     """
-    say = progress or (lambda _: None)
+    return diagnosed(log, simulator, effects, conditions, seed, progress or (lambda _: None))[0]
+
+
+def diagnosed(
+    log: pd.DataFrame | Sequence[pd.DataFrame] | Mapping[str, pd.DataFrame],
+    simulator: BenchParameters | Simulator,
+    effects: str | Sequence[str],
+    conditions: Mapping[str, Conditions] | None,
+    seed: int,
+    say: Callable[[str], None],
+) -> tuple[Diagnosis, Mapping[str, pd.DataFrame]]:
+    """Return the diagnosis, and the logs that one log turned out to be; none where it is one."""
     say("read the log")
     given = logs_as_pandas(log)
     if isinstance(simulator, Simulator):
         if isinstance(given, Mapping):
-            return diagnose_port_logs(given, simulator, effects, conditions, seed, say)
-        runs = runs_of(given)
+            return diagnose_port_logs(given, simulator, effects, conditions, seed, say), {}
         try:
-            change = odds_of_change(len(runs) - 1) if 1 < len(runs) <= MOST_DAYS else None
-            return diagnose_at_ports(given, simulator, effects, seed, say, change)
-        except RunsDifferError:
-            say("the runs differ: each is a log of its own")
-            found = diagnose_port_logs(runs, simulator, effects, conditions, seed, say)
-            return replace(found, notes=[*found.notes, APART])
+            return diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), {}
+        except RunsDifferError as differ:
+            parts, within = parted(runs_of(given), differ.border), differ.border.time is not None
+        say("an effect changes within a run: two logs" if within else "the runs differ: each is a log of its own")
+        found = diagnose_port_logs(parts, simulator, effects, conditions, seed, say)
+        if within and not found.changes:
+            return diagnose_at_ports(given, simulator, effects, seed, say), {}
+        return replace(found, notes=[*found.notes, WITHIN if within else APART]), parts
     if isinstance(given, Mapping):
-        return diagnose_bench_logs(given, simulator, effects, conditions, seed, say)
-    return diagnose_bench(given, simulator, effects, seed, say)
+        return diagnose_bench_logs(given, simulator, effects, conditions, seed, say), {}
+    return diagnose_bench(given, simulator, effects, seed, say), {}
