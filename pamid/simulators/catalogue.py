@@ -162,6 +162,8 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
 
 
 def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
+    drives, moved = simulator.driven().values(), {n for n, span in survey.spans.items() if span > 0.0}
+    driven = survey.driven | {j.velocity for j in survey.joints if j.name in drives or j.through in moved}
     for joint in survey.joints:
         position = joint.position or f"{joint.name}.path"
         span = survey.spans.get(position, 0.0)
@@ -180,7 +182,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
                 continue  # in volts it is equivalent to viscous friction: both are reported
             if name == "gravity" and unit in _LENGTHS:
                 continue  # no lever turns: along a travel a weight is an offset
-            if effect is SteadyForce and (joint.through or joint.velocity in survey.driven):
+            if effect is SteadyForce and joint.velocity in driven:
                 continue  # a bias of the input there is the same
             if not follows_motion(effect) or (issubclass(effect, UpperStop) and not joint.position):
                 continue

@@ -88,8 +88,9 @@ def _cut(first: FirstOrder, after: np.ndarray) -> Iterator[tuple[Template, int]]
     for template in first.templates:
         A = template.columns * root[:, None]
         products = np.column_stack([A * (evidence.z0 * root)[:, None], _squares(A)])
-        later, k = sides @ products, A.shape[1]
-        gain = sum((_gain(side, k) for side in (later, products.sum(axis=0) - later)), np.zeros(len(after)))
+        later, whole, k = sides @ products, products.sum(axis=0), A.shape[1]
+        ridge = 1e-9 * np.trace(whole[k:].reshape(k, k)) + 1e-300
+        gain = sum((_gain(side, k, ridge) for side in (later, whole - later)), np.zeros(len(after)))
         top = int(np.argmax(gain))
         if gain[top] > best.get(template.effect, (0.0, None, 0))[0]:
             best[template.effect] = float(gain[top]), template, top
@@ -107,9 +108,8 @@ def _squares(A: np.ndarray) -> np.ndarray:
     return (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
 
 
-def _gain(products: np.ndarray, k: int) -> np.ndarray:
+def _gain(products: np.ndarray, k: int, ridge: float) -> np.ndarray:
     """Return what k columns explain on one side of each border."""
     b, G = products[:, :k], products[:, k:].reshape(-1, k, k)
-    scale = np.trace(G, axis1=1, axis2=2)[:, None, None]
-    x = np.linalg.solve(G + (1e-9 * scale + 1e-300) * np.eye(k), b[..., None])[..., 0]
+    x = np.linalg.solve(G + ridge * np.eye(k), b[..., None])[..., 0]
     return np.asarray(np.sum(b * x, axis=1))
