@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ..errors import SimulatorNotFoundError, SimulatorRunError, SimulatorSyntaxError, needs
+from .mujoco_free import with_joints
 from .workers import ended, started
 
 MOST_BYTES = 50_000_000
@@ -31,6 +32,7 @@ _PLAIN_TAGS = frozenset(
         "worldbody",
         "body",
         "joint",
+        "freejoint",
         "geom",
         "site",
         "light",
@@ -108,7 +110,7 @@ _PLAIN_WORDS = frozenset(
         "directional",
     ]
 )
-_PLAIN_SHAPES = frozenset(["plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "hinge", "slide"])
+_PLAIN_SHAPES = frozenset(["plane", "sphere", "capsule", "ellipsoid", "cylinder", "box", "hinge", "slide", "free"])
 
 
 def mujoco_module() -> Any:
@@ -139,7 +141,7 @@ def loaded_model(path: Path) -> Any:
     if not _plainly_small(path):
         return _by_trial(path, mj)
     try:
-        model = mj.MjModel.from_xml_path(str(path))
+        model = with_joints(path, mj.MjModel.from_xml_path(str(path)))
         mj.mj_forward(model, mj.MjData(model))
         return model
     except (ValueError, mj.FatalError, mj.UnexpectedError) as error:

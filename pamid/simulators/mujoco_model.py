@@ -38,11 +38,12 @@ _IN_REST = ("body_mass", "payload", "dof_armature", "actuator_gear")
 
 
 class MujocoSimulator(Simulator):
-    """A MuJoCo model (MJCF) whose joints are hinges and slides.
+    """A MuJoCo model (MJCF) whose joints are hinges, slides, or free.
 
     For a joint ``arm`` there are the states ``arm_q`` and ``arm_dq``, an input ``arm_tau`` (a torque there in addition
     to the actuators, 0 by default) and the joint ``arm``; each actuator is an input, each scalar sensor an output. An
-    actuator named like the joint is the input ``arm_ctrl``.
+    actuator named like the joint is the input ``arm_ctrl``. A body that moves freely has the slides ``x``, ``y`` and
+    ``z`` and the hinges ``yaw``, ``pitch`` and ``roll``, turned in this order; of several, ``BODY_x`` and so on.
 
     Parameters
     ----------
@@ -452,9 +453,9 @@ def _loaded(path: Path) -> Any:
     straight = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
     if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:
         raise SimulatorSyntaxError(
-            f"{path} has {m.njnt} joints, not all of them hinges or slides, or actuators with states of their own.",
-            "at least one joint; only hinges, slides and plain actuators",
-            "Leave out free and ball joints and actuator dynamics; the effect actuator_lag stands for the latter.",
+            f"{path} has {m.njnt} joints, some of them ball joints, or actuators with states of their own.",
+            "at least one joint; only hinges, slides, free joints and plain actuators",
+            "Leave out ball joints and actuator dynamics; the effect actuator_lag stands for the latter.",
         )
     return m
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from ..errors import PamidError
 from .fmu_worker import limited
+from .mujoco_free import with_joints
 from .mujoco_loading import COMPILED
 from .mujoco_model import MujocoSimulator
 
@@ -24,7 +25,7 @@ def main() -> None:
 
     limited(memory, seconds)
     try:
-        compiled = mujoco.MjModel.from_xml_path(model)
+        compiled = with_joints(Path(model), mujoco.MjModel.from_xml_path(model))
         mujoco.mj_forward(compiled, mujoco.MjData(compiled))
         mujoco.mj_saveModel(compiled, out, None)
         COMPILED[Path(model)] = compiled

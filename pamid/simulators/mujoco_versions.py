@@ -61,6 +61,11 @@ def spec_of(path: Path) -> Any:
     return spec
 
 
+def writes_free_bodies() -> bool:
+    """Return whether joints of a model as it is written can be replaced."""
+    return _version() >= (3, 3)
+
+
 def spec_text(spec: Any) -> str:
     """Return the MJCF of a model that was changed."""
     if _version() < (3, 3, 1):  # what has not been compiled cannot be written there

@@ -10,7 +10,8 @@ import numpy as np
 
 from .mujoco_body import PAYLOAD
 from .mujoco_commands import gains_last, put_delay, put_range
-from .mujoco_versions import geoms_of, spec_item, spec_of, spec_text
+from .mujoco_free import spec_with_joints
+from .mujoco_versions import geoms_of, spec_item, spec_text
 
 CALLBACKS = '''"""corrected.xml with what MJCF has no element for, as callbacks of MuJoCo. Written by pamid.
 
@@ -44,7 +45,7 @@ Found = tuple[str, str, dict[str, float]]
 
 def written(simulator: Any, actuators: Mapping[str, str]) -> tuple[str, list[Found]]:
     """Return a MuJoCo model as MJCF with `actuators` renamed, and the effects that MJCF has no element for."""
-    spec, shown, m = spec_of(simulator.path), simulator.in_elements(), simulator.compiled()
+    spec, shown, m = spec_with_joints(simulator.path), simulator.in_elements(), simulator.compiled()
     for name, parameter in shown.parameters.items():
         kind, _, thing = name.partition(".")
         if kind in PAYLOAD:

@@ -51,10 +51,11 @@ class SignalSizes(NamedTuple):
 
     @property
     def driven(self) -> set[str]:
-        """The states that an input of their own pushes, and no other state."""
+        """The states that an input of their own pushes, and no other state; an input at rest pushes none."""
         pushed: dict[str, list[str]] = {}
         for of, state in self.pushes:
-            pushed.setdefault(of, []).append(state)
+            if self.spans.get(of, 0.0) > 0.0:
+                pushed.setdefault(of, []).append(state)
         return {states[0] for states in pushed.values() if len(states) == 1}
 
     @classmethod

@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..residuals.protocol import ResidualSource
 from ..settings import CLOSE, CLOSE_SHARE, FEWEST, KEPT
@@ -49,48 +50,50 @@ def runs_differ(first: FirstOrder, screen: Screen, odds: Callable[[int], float])
         return None
     nothing = screen.about.fit(())
     best = max((s.score for s in screen.contenders), default=nothing.score)
-    for borders, after in _borders(first.evidence):
-        cut = list(_cut(first, after))
-        about = first.about_nothing([_in_two(template, after[k]) for template, k in cut])
+    for borders, passed in _borders(first.evidence):
+        cut = list(_cut(first, passed, len(borders)))
+        about = first.about_nothing([_in_two(template, passed > k) for template, k in cut])
         for t in np.argsort(-about.gains(about.fit(())), kind="stable")[:KEPT]:
             template, k = cut[int(t)]
             # A size more, and the change itself.
             found = about.fit((int(t),)).score - about.cost[template.effect] + odds(len(borders))
             if found > best + CLOSE + CLOSE_SHARE * max(found - nothing.score, 0.0):
                 near = range(max(k - FEWEST, 0), min(k + FEWEST, len(borders) - 1) + 1)
-                about = first.about_nothing([_in_two(template, after[j]) for j in near])
+                about = first.about_nothing([_in_two(template, passed > j) for j in near])
                 return borders[near[int(np.argmax([about.fit((i,)).score for i in range(len(near))]))]]
     return None
 
 
 def _borders(evidence: ResidualSource) -> Iterator[tuple[list[Border], np.ndarray]]:
-    """Yield borders between runs, within one, and at a time of each, with the windows after them, (n_borders, n)."""
+    """Yield borders between runs, within one, and at a time of each, with how many of them each window has passed."""
     names, runs = evidence.trajectories, np.unique(evidence.run)[1:]
     if len(runs):
-        yield [Border(names[k]) for k in runs], evidence.run >= runs[:, None]
+        yield [Border(names[k]) for k in runs], np.searchsorted(runs, evidence.run, side="right")
     instants, order = np.unique(np.stack([evidence.run, evidence.time]), axis=1, return_inverse=True)
     inside = [k for k in range(FEWEST, instants.shape[1] - FEWEST) if instants[0, k] == instants[0, k - 1]]
     if inside:
         middle = [0.5 * (instants[1, k - 1] + instants[1, k]) for k in inside]
         borders = [Border(names[int(instants[0, k])], float(t)) for k, t in zip(inside, middle, strict=True)]
-        yield borders, order.ravel() >= np.array(inside)[:, None]
+        yield borders, np.searchsorted(inside, order.ravel(), side="right")
     times = np.unique(evidence.time)[FEWEST:-FEWEST]
     if len(runs) and len(times):
-        yield [Border("", float(t)) for t in times], evidence.time >= times[:, None]
+        yield [Border("", float(t)) for t in times], np.searchsorted(times, evidence.time, side="right")
 
 
-def _cut(first: FirstOrder, after: np.ndarray) -> Iterator[tuple[Template, int]]:
+def _cut(first: FirstOrder, passed: np.ndarray, count: int) -> Iterator[tuple[Template, int]]:
     """Yield each effect at the point of its grid, and the border, where it explains most if cut, and that border."""
     evidence, best = first.evidence, dict[str, tuple[float, Template, int]]()
     # Not weighted as nothing but noise would be: what follows a change are no outliers.
     sizes = [part.stop - part.start for part in evidence.parts]
-    root, sides = np.sqrt(np.repeat(first.fitter.weights, sizes)), after.astype(float)
+    root = np.sqrt(np.repeat(first.fitter.weights, sizes))
+    between = csr_array((np.ones(len(passed)), (passed, np.arange(len(passed)))), shape=(count + 1, len(passed)))
     for template in first.templates:
         A = template.columns * root[:, None]
         products = np.column_stack([A * (evidence.z0 * root)[:, None], _squares(A)])
-        later, whole, k = sides @ products, products.sum(axis=0), A.shape[1]
+        before, k = np.cumsum(between @ products, axis=0), A.shape[1]
+        before, whole = before[:-1], before[-1]
         ridge = 1e-9 * np.trace(whole[k:].reshape(k, k)) + 1e-300
-        gain = sum((_gain(side, k, ridge) for side in (later, whole - later)), np.zeros(len(after)))
+        gain = sum((_gain(side, k, ridge) for side in (before, whole - before)), np.zeros(count))
         top = int(np.argmax(gain))
         if gain[top] > best.get(template.effect, (0.0, None, 0))[0]:
             best[template.effect] = float(gain[top]), template, top
