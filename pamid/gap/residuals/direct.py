@@ -302,9 +302,8 @@ class DirectEvidence(UndoneEvidence):
         readings = dict(channels or log.channels)
         restored = any(x is not log.channels.get(n) for n, x in readings.items() if n not in simulator.inputs)
         for place, made in active:
-            if place.enters == "output" and place.at in simulator.states:
-                readings[place.at] = place.truth(made, readings[place.at], log.dt, log.starts)
-                restored = True
+            for name in set(place.readings) & set(readings) & set(simulator.states):
+                readings[name], restored = place.truth(made, readings[name], log.dt, log.starts), True
         x, table = self._motion(readings) if restored else (self._x, self._table)
         u = np.stack([readings.get(n, self._u[k]) for k, n in enumerate(simulator.inputs)]) if len(self._u) else self._u
         p: np.ndarray = numbers
@@ -444,8 +443,8 @@ class DirectEvidence(UndoneEvidence):
         log = self.log
         modelled = {b.name: outputs[b.row] for b in self.balances if not b.order}
         for place, made in active:
-            if place.enters == "output" and place.at in modelled:
-                modelled[place.at] = place.reading(made, modelled[place.at], log.dt, log.starts)
+            for name in set(place.readings) & set(modelled):
+                modelled[name] = place.reading(made, modelled[name], log.dt, log.starts)
 
         def each(b: Balance, rows: slice) -> np.ndarray:
             y = b.rate(readings[b.channel][rows], log.dt)
