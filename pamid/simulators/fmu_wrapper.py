@@ -118,8 +118,8 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
         effect: Any = in_port_units(name, where, values)
         if kind in ("output", "encoder"):
             port = simulator.port(where)
-            for at in (places[n] for n in ([where] if kind == "output" else [port.position, port.velocity])):
-                read.append(_block(at, effect.measure(symbol("v"), ()), {"v": at}))
+            both = [places[n] for n in ([where] if kind == "output" else [port.position, port.velocity])]
+            read += [_block(at, effect.measure(symbol("v"), ()), {"v": at}) for at in both]
         elif kind == "input":
             at = f"u[{simulator.inputs.index(where)}]"
             s = Signals(command=symbol("v"))
