@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.measured_inputs import shown
 from pamid.simulators import EquationSimulator, Port
 
 ROTOR = EquationSimulator(
@@ -52,3 +53,13 @@ def test_friction_is_named_beside_the_noise_of_an_input():
     assert found.causes[0].effects[0] == "coulomb_friction"
     assert found.causes[0].parameters["amplitude"].value == pytest.approx(0.1, rel=0.1)  # A
     assert any("The noise of i counts" in note for note in found.notes)
+
+
+def test_noise_that_residuals_show_less_of_is_not_that_of_their_inputs():
+    """A gap in one equation, and a small one in another, are no noise of inputs, which would show more in both."""
+    parts, rng = [slice(0, 500), slice(500, 1000)], np.random.default_rng(0)
+    white, mine = rng.standard_normal((6, 1000)), np.repeat(np.eye(2), 500, axis=1)
+    inputs = [noise * mine[k] * rng.standard_normal((6, 1000)) for k, noise in enumerate((28.0, 23.0))]
+    for sizes, expected in {(1.6, 9.3): [], (1.0, 23.0): [1], (28.0, 23.0): [0, 1]}.items():
+        left = np.repeat(sizes, 500) * rng.standard_normal(1000)
+        assert shown(left, white, inputs, parts) == expected
