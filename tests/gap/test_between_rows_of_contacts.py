@@ -56,7 +56,7 @@ def test_a_mass_that_hits_a_floor_has_no_gap(log: pd.DataFrame) -> None:
     assert found.verdict == "none"
 
 
-def test_a_smooth_motion_has_the_noise_of_its_readings_alone(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_smooth_motion_has_the_noise_of_its_readings(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
     ports = [Port("f", "input", "N"), Port("z", "state", "m"), Port("dz", "state", "m/s")]
     swing = FunctionSimulator(lambda t, x, u, p: [x.dz, u.f - 30.0 * np.sin(x.z) - 2.0 * x.dz], ports, {})
     x, rows = np.array([0.1, 0.0]), []

@@ -26,7 +26,8 @@ def late(delay: float) -> pd.DataFrame:
     rng, runs, h = np.random.default_rng(3), [], STEP / WITHIN
     for run in range(3):
         t, phase = STEP * np.arange(400), rng.uniform(0.0, 6.0, 3)
-        u = 0.9 * np.sin((2.0 + run) * t + phase[0]) + 0.6 * np.sin(5.3 * t + phase[1]) + 0.3 * np.sin(13 * t + phase[2])
+        tones = zip((0.9, 0.6, 0.3), (2.0 + run, 5.3, 13.0), phase, strict=True)
+        u = np.sum([a * np.sin(w * t + p) for a, w, p in tones], axis=0)
         q, v, rows = 0.0, 0.0, []
         for k in range(len(t)):
             rows.append((q, v))

@@ -41,8 +41,8 @@ from .balance import Balance
 from .bends import carried, matters, means, simpson, steps_of
 from .between_rows import after, needed, passed_on, timings
 from .derived import rounded_off, speed_slopes, typical_slopes
-from .kinks import at_unknown_instants, root_mean_square
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
+from .kinks import at_unknown_instants, root_mean_square
 from .motion_signals import MotionSignals
 from .port_windows import PortWindows
 from .protocol import Active

@@ -22,7 +22,7 @@ DRAWS = 8
 
 
 def standing_out(x: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return by how much each step differs from the mean of its neighbours within its run, shape (n_signals, n_rows)."""
+    """Return by how much each step differs from the mean of its neighbours in its run, shape (n_signals, n_rows)."""
     out, x = np.zeros_like(x), np.nan_to_num(x)
     for a, b in log.spans:
         steps = x[:, a : b - 1]

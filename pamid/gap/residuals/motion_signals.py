@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from abc import ABC
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
 import numpy as np
 
 from ...simulators.sizes import SignalSizes
-from ...simulators.structure import JointPort
 from .states import integral, roles_of
 from .undone import UndoneEvidence
 
@@ -17,7 +16,12 @@ class MotionSignals(UndoneEvidence, ABC):
     """Residuals of a log that holds the motion, with what there is to know of its signals."""
 
     _table: dict[str, np.ndarray]
-    joints: list[JointPort]
+    pushes: dict[tuple[str, str], float]
+
+    @property
+    @abstractmethod
+    def says_forces(self) -> bool:
+        """Whether residuals are converted to forces."""
 
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
