@@ -16,9 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ...simulators.port_log import PortLog
-
-DRAWS = 8
-"""Draws of the instants, from which the size of what they change is taken."""
+from .window_noise import REPLICATES
 
 
 def standing_out(x: np.ndarray, log: PortLog) -> np.ndarray:
@@ -50,5 +48,5 @@ def root_mean_square(change: np.ndarray, windows: Callable[[np.ndarray], np.ndar
     if not np.any(change):
         return np.zeros_like(windows(np.tile(change, 2)))
     rng = np.random.RandomState(2)
-    signs = (rng.randint(0, 2, size=change.shape) * 2.0 - 1.0 for _ in range(DRAWS))
+    signs = (rng.randint(0, 2, size=change.shape) * 2.0 - 1.0 for _ in range(REPLICATES))
     return np.asarray(np.sqrt(np.mean([np.square(windows(np.tile(s * change, 2))) for s in signs], axis=0)))
