@@ -31,7 +31,9 @@ def settled(
         return list(library)
     say("compare readings of the same motion")
     between = KinematicEvidence(log, simulator, {})
-    faults = [k for k in library if evidence.placements[k].enters == "output" and between.touched([k])]
+    # What all readings of a motion have in common shows in none of their differences.
+    some = [k for k in library if len(evidence.placements[k].readings) == 1]
+    faults = [k for k in some if between.touched([k])]
     competition = Competition(between, faults)
     if competition.enough(competition.base):
         admitted, left = set(), np.ones(len(between.equations))

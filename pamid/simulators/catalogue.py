@@ -13,6 +13,7 @@ from ..effects.gas import PortOverflow
 from ..effects.leakage import PortLeakage
 from ..effects.limits import ReadingRange
 from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
+from ..effects.readings import AngleGain
 from ..effects.springs import LowerStop, Spring, UpperStop
 from ..effects.steady import SteadyForce, SteadyHeating, SteadyInflow
 from ..errors import UnknownOptionError
@@ -42,6 +43,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "sensor_saturation": ("output", ReadingRange),
     "backlash": ("link", Play),
     "spring": ("link", Spring),
+    "encoder_gain": ("encoder", AngleGain),
     "upper_stop": ("joint", UpperStop),
     "lower_stop": ("joint", LowerStop),
     "steady_force": ("joint", SteadyForce),
@@ -58,7 +60,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
     """Return every effect at every port where it can act."""
     found = [*_at_inputs(simulator, survey), *_at_outputs(simulator, survey), *_at_joints(simulator, survey)]
-    found += [*_at_chambers(simulator, survey), *at_parameters(simulator)]
+    found += [*_at_encoders(simulator, survey), *_at_chambers(simulator, survey), *at_parameters(simulator)]
     found += [p for link in survey.links for p in at_link(link, survey, port_effects())]
     return {p.key: p for p in found}
 
@@ -159,6 +161,16 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
                 yield replace(place, reach=end if side else reach).placed(name, effect.ending(side))
             else:
                 yield place.placed(name, effect)
+
+
+def _at_encoders(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
+    """Yield faults of a sensor whose position and speed are both read, so that both are wrong alike."""
+    for joint in survey.joints:
+        if {joint.position, joint.velocity} <= set(survey.readings):
+            unit = simulator.port(joint.position).unit
+            place = PortPlace(joint.name, "output", "output", joint.position, Scales(time=survey.time), unit, unit)
+            for name, effect in _effects_at("encoder"):
+                yield replace(place.placed(name, effect), also={"velocity": joint.velocity})
 
 
 def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:

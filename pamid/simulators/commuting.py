@@ -79,13 +79,16 @@ def twins_of(
     """Return the effects at ports that are equivalent, each by the other's name."""
     found: dict[str, str] = {}
     words = LINEAR[1:]
+    encoders = {place.at: place for place in placements.values() if len(place.readings) > 1}
+    read = set(read).difference(*(place.readings[1:] for place in encoders.values()))
     if paths := commuting_paths(simulator, t, x, u, driven, read):
         words = LINEAR if rests(simulator, t, u, driven) else words
     else:
         paths, words = delayed_path(simulator, t, x, u, driven, read), ("delay",)
     for entry, reading in paths.items():
         for word in words:
-            pair = f"actuator_{word}@{entry}", f"sensor_{word}@{reading}"
+            end = f"encoder_{word}@{encoders[reading].port}" if reading in encoders else f"sensor_{word}@{reading}"
+            pair = f"actuator_{word}@{entry}", end
             if all(key in placements for key in pair):
                 found[pair[0]], found[pair[1]] = pair[1], pair[0]
     return found

@@ -116,9 +116,10 @@ def _formulas(simulator: FmuSimulator) -> tuple[list[str], list[str]]:
                 f"{name} at {where} has memory.", "an effect without memory", "Use the simulator file instead."
             )
         effect: Any = in_port_units(name, where, values)
-        if kind == "output":
-            at = places[where]
-            read.append(_block(at, effect.measure(symbol("v"), ()), {"v": at}))
+        if kind in ("output", "encoder"):
+            port = simulator.port(where)
+            both = [places[n] for n in ([where] if kind == "output" else [port.position, port.velocity])]
+            read += [_block(at, effect.measure(symbol("v"), ()), {"v": at}) for at in both]
         elif kind == "input":
             at = f"u[{simulator.inputs.index(where)}]"
             s = Signals(command=symbol("v"))

@@ -30,7 +30,7 @@ from .ports import ModelParameter, Port
 _ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
 _FITTING = {
     "input": ("input",), "output": ("state", "output"), "joint": ("joint", "state", "output"),
-    "chamber": ("chamber", "state", "output"), "parameter": ("parameter",),
+    "encoder": ("joint", "state", "output"), "chamber": ("chamber", "state", "output"), "parameter": ("parameter",),
 }  # fmt: skip
 """Ports at which the effects of a kind can act; a state or output may be a joint or chamber that nobody declared."""
 _TABLES = ("ports", "parameters", "between", "effects")

@@ -81,7 +81,7 @@ class Placement:
     link: Link | None = None
     """For an effect between two ports, both: it follows their differences, and acts on both."""
     also: Mapping[str, str] = field(default_factory=dict)
-    """Of an effect on several parameters: the others, by the names that the effect knows them by."""
+    """Of an effect on several parameters or readings: the others, by the names that the effect knows them by."""
     numbers: Any = None
     """Numbers of the system that the effect may use, where its owner gives them."""
 
@@ -142,6 +142,11 @@ class Placement:
         return out
 
     # --- what it adds ---------------------------------------------------------------------------------------
+    @property
+    def readings(self) -> tuple[str, ...]:
+        """The readings that it changes."""
+        return (self.at, *self.also.values()) if self.enters == "output" else ()
+
     @property
     def plant(self) -> Any:
         """Numbers of the system that the effect may use."""

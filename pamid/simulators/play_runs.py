@@ -54,9 +54,9 @@ def played(
         else:
             found = _followed(simulator, t, u, drive, x0, p, active, joints)
     for place, made in active:
-        for one in found if place.enters == "output" else ():
-            if place.at in one:
-                one[place.at] = place.reading(made, np.asarray(one[place.at], dtype=float), dt, start)
+        for one in found:
+            for name in set(place.readings) & set(one):
+                one[name] = place.reading(made, np.asarray(one[name], dtype=float), dt, start)
     return [{**dict(zip(simulator.inputs, given, strict=True)), **one} for given, one in zip(u, found, strict=True)]
 
 

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.measured_inputs import shown
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
 
@@ -60,3 +61,13 @@ def test_undoing_a_fault_of_a_reading_leaves_the_noise_of_inputs():
     assert any("The noise of i counts" in note for note in evidence.notes)
     least = {"sensor_lag@q": {"time_constant": 1e-4, "second": 1e-4}}
     assert evidence.spread(least, np.zeros(len(evidence.free))) == pytest.approx(1.0, abs=1e-2)
+
+
+def test_noise_that_residuals_show_less_of_is_not_that_of_their_inputs():
+    """A gap in one equation, and a small one in another, are no noise of inputs, which would show more in both."""
+    parts, rng = [slice(0, 500), slice(500, 1000)], np.random.default_rng(0)
+    white, mine = rng.standard_normal((6, 1000)), np.repeat(np.eye(2), 500, axis=1)
+    inputs = [noise * mine[k] * rng.standard_normal((6, 1000)) for k, noise in enumerate((28.0, 23.0))]
+    for sizes, expected in {(1.6, 9.3): [], (1.0, 23.0): [1], (28.0, 23.0): [0, 1]}.items():
+        left = np.repeat(sizes, 500) * rng.standard_normal(1000)
+        assert shown(left, white, inputs, parts) == expected

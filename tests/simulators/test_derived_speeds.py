@@ -75,3 +75,4 @@ def test_readings_are_compared_without_asking_for_forces(log: pd.DataFrame, monk
     asked.clear()
     found.z({"sensor_lag@dq": {"time_constant": 0.02}})
     assert found.equations == ["dq"] and max(asked, default=0) < 100
+    assert "drive of dq" in found.free  # what the servo does within a step is no disagreement

@@ -138,7 +138,8 @@ def test_the_library_learns_nothing_of_effects_at_ports() -> None:
     before = set(all_effects())
     evidence_of(cart(), rail())
     assert set(all_effects()) == before
-    assert {"joint", "input", "output", "chamber", "link", "parameter"} == {kind for kind, _ in port_effects().values()}
+    kinds = {"joint", "encoder", "input", "output", "chamber", "link", "parameter"}
+    assert kinds == {kind for kind, _ in port_effects().values()}
 
 
 def test_values_at_a_port_are_those_of_its_units() -> None:

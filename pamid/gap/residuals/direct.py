@@ -26,7 +26,6 @@ from ...simulators.base import Simulator
 from ...simulators.links import Link
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from ...simulators.sizes import SignalSizes
 from ...simulators.structure import (
     JointPort,
     fed_by,
@@ -43,20 +42,21 @@ from .bends import carried, matters, means, simpson, steps_of
 from .between_rows import after, needed, passed_on, timings
 from .derived import rounded_off, speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
+from .kinks import at_unknown_instants, root_mean_square
+from .motion_signals import MotionSignals
 from .port_windows import PortWindows
 from .protocol import Active
-from .states import integral, pairs_of, resting_joints, roles_of
+from .states import integral, pairs_of, resting_joints
 from .steps import earlier, within_steps
 from .tolerances import rms
 from .turned import Instants, Turned, turned
 from .turning import force_at_both_ends
-from .undone import UndoneEvidence
 from .window_length import Rate, no_windows, samples
 
 Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-class DirectEvidence(UndoneEvidence):
+class DirectEvidence(MotionSignals):
     """Residuals of the equations of a simulator whose states the log holds."""
 
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
@@ -77,6 +77,7 @@ class DirectEvidence(UndoneEvidence):
         self._tables: list[dict[str, np.ndarray]] = []
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
         self._bend = np.zeros((len(simulator.states), 2 * log.n))
+        self._curve = np.zeros((len(simulator.states), log.n))
         self._step: float | None = None
         """Step by which the simulator is run over each sample; None where lines between its ends are enough."""
         self._through = np.eye(len(simulator.states))
@@ -205,7 +206,7 @@ class DirectEvidence(UndoneEvidence):
         for k, b in enumerate(self.balances):
             part, found = slice(ends[k], ends[k + 1]), {}
             if b.velocity:
-                within = self._base_rates[self.simulator.states.index(b.velocity)]
+                within = self._accelerations()[self.simulator.states.index(b.velocity)]
                 rates = nuisances(self.log.channels[b.velocity], within, self.log, self.n, self._first[k])
                 found = {f"{name} of {b.velocity}": own for name, own in rates.items()}
             elif b.name in driven and np.all(np.isfinite(plain[part])):
@@ -230,6 +231,17 @@ class DirectEvidence(UndoneEvidence):
         inputs, log, held = self.simulator.inputs, self.log, not self.lines
         plain = self._under(passed_on(active, self._u, inputs, log, held))
         return {name: self._under(moved) - plain for name, moved in timings(active, self._u, inputs, log, held)}
+
+    def _accelerations(self) -> np.ndarray:
+        """Return the simulator's rates at both ends of each step."""
+        return self._base_rates
+
+    def _between(self) -> np.ndarray | float:
+        if self.simulator.form != "ode":
+            return 0.0
+        change = at_unknown_instants(self._curve, self._accelerations(), self.simulator.states, self.pairs, self.log)
+        plain = self._under(self._u)
+        return root_mean_square(change, lambda some: self._under(self._u, some) - plain)
 
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""
@@ -302,9 +314,8 @@ class DirectEvidence(UndoneEvidence):
         readings = dict(channels or log.channels)
         restored = any(x is not log.channels.get(n) for n, x in readings.items() if n not in simulator.inputs)
         for place, made in active:
-            if place.enters == "output" and place.at in simulator.states:
-                readings[place.at] = place.truth(made, readings[place.at], log.dt, log.starts)
-                restored = True
+            for name in set(place.readings) & set(readings) & set(simulator.states):
+                readings[name], restored = place.truth(made, readings[name], log.dt, log.starts), True
         x, table = self._motion(readings) if restored else (self._x, self._table)
         u = np.stack([readings.get(n, self._u[k]) for k, n in enumerate(simulator.inputs)]) if len(self._u) else self._u
         p: np.ndarray = numbers
@@ -361,11 +372,12 @@ class DirectEvidence(UndoneEvidence):
         Where an exponential bends by half of its change, Simpson's rule no longer halves the error.
         """
         if self._step is not None:
+            self._curve = np.zeros_like(self._curve)
             return np.zeros_like(rates)
         start, end = np.hsplit(rates, 2)
         p = wide(self.simulator.numbers, self.log.n)
         bend = simpson(self.simulator, self.log, self._x, rates, 0.5 * (self._u + ends), p)
-        self._fast = self._fast or (not self.derived and matters(bend, start))
+        self._curve, self._fast = bend.copy(), self._fast or (not self.derived and matters(bend, start))
         for row, change in zip(bend, end - start, strict=True):
             if not rms(row) < 0.5 * rms(change):
                 row[:] = 0.0
@@ -444,8 +456,8 @@ class DirectEvidence(UndoneEvidence):
         log = self.log
         modelled = {b.name: outputs[b.row] for b in self.balances if not b.order}
         for place, made in active:
-            if place.enters == "output" and place.at in modelled:
-                modelled[place.at] = place.reading(made, modelled[place.at], log.dt, log.starts)
+            for name in set(place.readings) & set(modelled):
+                modelled[name] = place.reading(made, modelled[name], log.dt, log.starts)
 
         def each(b: Balance, rows: slice) -> np.ndarray:
             y = b.rate(readings[b.channel][rows], log.dt)
@@ -474,27 +486,3 @@ class DirectEvidence(UndoneEvidence):
         at = np.concatenate([a + f for (a, _), f in zip(self.log.spans, firsts, strict=True)]) + (reach - 1) // 2
         instants = Instants(self.log.t[at], self._x[:, at], self._u[:, at], self._steps)
         return turned(self.simulator, [(k, b.row, b.name) for k, b in moving], self.joints, instants)
-
-    # --- for the diagnosis ----------------------------------------------------------------------------------
-    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
-        log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
-        for j in self.joints:
-            if not j.position:
-                spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
-        readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
-        tops, lows = ({k: float(of(x)) for k, x in self._table.items()} for of in (lambda x: np.max(np.abs(x)), np.min))
-        if self.says_forces:  # as the rates that they cause
-            push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in self.joints}
-            gaps = {name: gap * push.get(name, 1.0) for name, gap in gaps.items()}
-        return SignalSizes(
-            spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds
-        )
-
-    def signals(self) -> dict[str, np.ndarray]:
-        """Return all signals at each row of the log, by name."""
-        inputs = dict(zip(self.simulator.inputs, self._u, strict=True))
-        return {**{k: v for k, v in self._table.items() if "." not in k}, **inputs}
-
-    def roles(self, equation: str) -> dict[str, str]:
-        """Return for an equation the signal of each name of the state, where there is one."""
-        return roles_of(self.simulator, self.joints, equation)

@@ -38,7 +38,9 @@ def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], 
     best, chosen = _unlikely(size, alone, parts) - LEAST_GAIN, list[int]()
     for some in ([*range(len(inputs))], *([k] for k in range(len(inputs)) if len(inputs) > 1)):
         both = _sizes(readings + np.sum([inputs[k] for k in some], axis=0), parts)
-        if np.all(size <= both * (1.0 + known)) and (value := _unlikely(size, both, parts)) < best:
+        less = (both > alone * (1.0 + known)) & (both > size * (1.0 + known))
+        more = size > both * (1.0 + known)
+        if not np.any(less | more) and (value := _unlikely(size, both, parts)) < best:
             best, chosen = value, some
     return chosen
 

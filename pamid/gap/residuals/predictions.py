@@ -89,8 +89,7 @@ class PredictedEvidence(StretchEvidence):
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
         """Return channels as faulty sensors read them, in place."""
         for place, made in active:
-            if place.enters == "output" and place.at in shown:
-                k = list(shown).index(place.at)
+            for k in [k for k, name in enumerate(shown) if name in place.readings]:
                 for one in rows:
                     one[k] = place.reading(made, one[k], self.log.dt, np.array([0]))
         return rows

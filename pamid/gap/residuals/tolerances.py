@@ -45,6 +45,7 @@ class Tolerances(ABC):
     weights: np.ndarray
     _own: Active
     skews: dict[str, np.ndarray]
+    twins: Mapping[str, str]
     _laid: Remembered[np.ndarray]
     _timings: Remembered[dict[str, np.ndarray]]
     _whitening: Whitening
@@ -122,11 +123,18 @@ class Tolerances(ABC):
         """Return the columns of nuisance parameters under effects, which change the shifted input."""
         on, inputs = self._passes_on(active)
         names = {f"{what} of {name}" for what in TIMINGS for name in inputs} & self.skews.keys()
+        still = {name: np.zeros(len(self.noise)) for name in self._delayed(active) & self.skews.keys()}
         if not names:
-            return self.skews
+            return self.skews | still
         key = repr([(place.key, made.values) for place, made in on]) + repr(self.simulator.numbers.tobytes())
         found = self._timings.get(key, lambda: self._timed(on))
-        return self.skews | {k: v for k, v in found.items() if k in names and np.all(np.isfinite(v))}
+        return self.skews | {k: v for k, v in found.items() if k in names and np.all(np.isfinite(v))} | still
+
+    def _delayed(self, active: Active) -> set[str]:
+        """Return the timings that a delay contains: a fit of both would give each any share of their sum."""
+        sought = [place.key for place, _ in active[len(self._own) :]]
+        both = [self.twins.get(key, key) if key.startswith("sensor_") else key for key in sought]
+        return {f"{TIMINGS[0]} of {key.partition('@')[2]}" for key in both if key.startswith("actuator_delay@")}
 
     def _skewed(self, deviations: Mapping[str, float], active: Active) -> np.ndarray | float:
         """Return the contribution of nuisance parameters to the residuals; it is linear in them."""

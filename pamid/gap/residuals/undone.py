@@ -195,13 +195,12 @@ class UndoneEvidence(PortEvidence, ABC):
 
     def _filters(self, place: Placement) -> bool:
         """Return whether undoing a fault in the reading of a state filters its noise."""
-        return place.enters == "output" and place.at in self.simulator.states and place.effect.filters_readings()
+        return bool(set(place.readings) & set(self.simulator.states)) and place.effect.filters_readings()
 
     def _changes_noise(self, place: Placement) -> bool:
         """Return whether an effect follows noisy readings as the model does, so that both may cancel."""
         follows = place.acts and not place.effect.path_dependent
-        of_state = place.enters == "output" and place.at in self.simulator.states
-        return place.enters == "parameter" or follows or of_state
+        return place.enters == "parameter" or follows or bool(set(place.readings) & set(self.simulator.states))
 
     def _amplified(self, active: Active) -> list[float]:
         """Return by how much effects that are undone in readings amplify the measured side of each equation."""
@@ -209,7 +208,7 @@ class UndoneEvidence(PortEvidence, ABC):
         for b, firsts in zip(self.balances, self._first, strict=True):
             x = log.channels[b.channel]
             for place, made in active:
-                if place.enters == "output" and place.at == b.channel and place.at in self.simulator.states:
+                if b.channel in place.readings and b.channel in self.simulator.states:
                     x = place.truth(made, x, log.dt, log.starts)
             sizes = [
                 rms(np.concatenate([

@@ -55,6 +55,6 @@ def _why(name: str, placed: bool) -> str:
     if placed:
         return "the log has no readings of what that acts on"
     kind = port_effects().get(name, ("bench",))[0]
-    if kind == "joint":
+    if kind in ("joint", "encoder"):
         return f"no joint is known. {JOINT}"
     return "no pair of joints or chambers is known" if kind == "link" else f"no {kind} here can have that"

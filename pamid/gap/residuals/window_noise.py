@@ -58,6 +58,7 @@ class WindowNoise(ABC):
     _drawn: np.ndarray
     _entered: np.ndarray
     _heard = False
+    _unresolved: np.ndarray | float = 0.0
     _whitening: Whitening
 
     @abstractmethod
@@ -82,6 +83,10 @@ class WindowNoise(ABC):
         """Return the least noise of an equation, as a share of its measured side."""
         return 0.0
 
+    def _between(self) -> np.ndarray | float:
+        """Return the size of what is unknown at each window of the motion between rows."""
+        return 0.0
+
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample."""
         return white_over(self.log.channels[name], self.log.spans, width)
@@ -101,6 +106,7 @@ class WindowNoise(ABC):
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
         self._drawn, self._entered = drawn, np.zeros_like(drawn)
+        self._unresolved = self._between()
         self._level()
 
     def _level(self) -> None:
@@ -114,6 +120,7 @@ class WindowNoise(ABC):
             accuracy = max(_LEAST * rms(self.value[part]), self._accuracy(k) * rms(self.measured[part]))
             least = max(0.04 * typical, accuracy**2, 1e-300)
             self.noise[part] = np.sqrt(np.maximum(power, least))
+        self.noise = np.hypot(self.noise, self._unresolved)
 
     def hear_inputs(self, fitted: np.ndarray | None = None) -> bool:
         """Return whether what a fit leaves, white, shows the noise of inputs, which then counts.
