@@ -141,16 +141,19 @@ class WindowNoise(ABC):
             return False
         rng, count = np.random.RandomState(1), len(self._drawn)
         different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
-        draws = [
-            [self._under_inputs(self._u + e[:, None] * rng.standard_normal(self._u.shape)) for _ in range(different)]
+        noise = [
+            [e[:, None] * rng.standard_normal(self._u.shape) for _ in range(different)]
             for e in np.diag(sigma)[sigma > 0.0]
         ]
+        draws = [[self._under_inputs(self._u + e) for e in each] for each in noise]
         alike = [np.array([judged(one) for one in each]) for each in draws]
         which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
         if not which:
             return False
         for k in which:
             self._drawn += np.array(draws[k])[np.arange(count) % different]
+        louder = self._u + np.sum([noise[k][(count - 1) % different] for k in which], axis=0)
+        self._copies[-1] = {**self._copies[-1], **dict(zip(self.simulator.inputs, louder, strict=True))}
         names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
         self._heard = True
         self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
