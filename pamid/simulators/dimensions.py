@@ -19,6 +19,7 @@ _SHRUNK = 0.6
 _STARTS = np.array([0])
 _TIME = np.linspace(0.0, 3.0, 80)
 _NOTHING: Any = Surroundings()
+_PRODUCT = re.compile(r"[-A-Za-z ^0-9/()*.·²³⁻¹−]*")
 _POWERS = str.maketrans("²³⁻¹−", "23-1-")
 
 
@@ -121,7 +122,7 @@ def unit_text(factors: Sequence[tuple[str, float]]) -> str:
     total: dict[str, float] = {}
     for unit, power in factors:
         plain = unit not in ("", "-", "1")
-        for word, own in (unit_powers(unit) if re.fullmatch(r"[-A-Za-z ^0-9/()*.·²³⁻¹−]*", unit) else {unit: 1}).items():
+        for word, own in (unit_powers(unit) if _PRODUCT.fullmatch(unit) else {unit: 1}).items():
             if plain:
                 total[word] = total.get(word, 0) + own * power
     top = [w if n == 1 else f"{w}^{n}" for w, n in total.items() if n > 0]

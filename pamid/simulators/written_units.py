@@ -16,14 +16,19 @@ _SI = "m s N Pa V A J W K Hz H F C S T Wb mol rad"
 _SCALED = {
     "g": (1e-3, "kg", 1), "t": (1e3, "kg", 1), "L": (1e-3, "m", 3), "l": (1e-3, "m", 3), "bar": (1e5, "Pa", 1),
     "ohm": (1.0, "ohm", 1), "Ohm": (1.0, "ohm", 1), "Ω": (1.0, "ohm", 1), "Nm": (1.0, "N m", 1),
-    "Wh": (3600.0, "J", 1), "Ah": (3600.0, "A s", 1), "deg": (np.pi / 180.0, "rad", 1), "rpm": (np.pi / 30.0, "rad/s", 1),
+    "Wh": (3600.0, "J", 1), "Ah": (3600.0, "A s", 1), "deg": (np.pi / 180.0, "rad", 1),
+    "rpm": (np.pi / 30.0, "rad/s", 1),
 }  # fmt: skip
 _PLAIN = {
     "min": (60.0, "s", 1), "h": (3600.0, "s", 1), "d": (86400.0, "s", 1), "1": (1.0, "-", 1),
 }  # fmt: skip
 _BASES = {name: (1.0, name, 1) for name in _SI.split()} | _SCALED
-_WORDS = {prefix + name: (size * factor, si, power)
-          for name, (factor, si, power) in _BASES.items() for prefix, size in _PREFIXES.items()} | _BASES | _PLAIN  # fmt: skip
+_PREFIXED = {
+    prefix + name: (size * factor, si, power)
+    for name, (factor, si, power) in _BASES.items()
+    for prefix, size in _PREFIXES.items()
+}
+_WORDS = _PREFIXED | _BASES | _PLAIN
 """Factor to SI, SI unit and its power of each word; what is a word itself is no prefix with another."""
 _WORD = re.compile(r"\s*(?P<mark>[*·/.]?)\s*(?P<word>1|[A-Za-zµΩ]+)(?:(?:\^|\*\*)?(?P<power>-?\d+(?:\.\d+)?))?")
 _SIGNS = str.maketrans("μΩ²³⁻¹−⋅", "µΩ23-1-·")
