@@ -21,6 +21,7 @@ from ..errors import (
 )
 from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
+from ..signals.headers import read_header
 from ..signals.unit_names import parse_quantity
 from .common import note, print_json, table
 
@@ -99,8 +100,11 @@ def show(draft: Draft) -> None:
 def _how(draft: Draft, guess: Guess) -> str:
     if guess.signal in draft.supposed:
         return draft.supposed[guess.signal]
+    said = read_header(guess.column).unread if isinstance(guess.column, str) and guess.unit is None else ""
     return (
-        "given"
+        f"given; '{said}' is no unit that is known"
+        if guess.why == "given" and guess.signal and guess.scale == 1.0 and said
+        else "given"
         if guess.why == "given"
         else "?"
         if guess.question

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from ..errors import MissingColumnError, ParameterError
+from ..errors import MissingColumnError, ParameterError, UnitError
 
 if TYPE_CHECKING:
     from ..simulators import ModelParameter, Simulator
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 _TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
 
 _NUMBER = re.compile(r"\s*(?P<value>[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(?P<unit>.*)$")
-_ONE = r"(?:m|s|kg|N|Pa|V|A|rad|K|J|W|Hz|ohm|1)(?:\^?-?\d(?:\.\d)?|[²³])?"
-_SI = re.compile(rf"{_ONE}(?:[ */·]{_ONE})*")
 
 
 def split_equations(texts: list[str]) -> dict[str, str]:
@@ -116,18 +114,25 @@ def _unit_of(draft: Draft, name: str) -> str:
 
 def _number(name: str, text: str) -> ModelParameter:
     """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
-    from ..signals.unit_names import parse_quantity
+    from ..signals.unit_names import parse_quantity, unit_name
     from ..signals.units import SI_UNITS, UNITS, dimension_of
     from ..simulators import ModelParameter
+    from ..simulators.written_units import in_si
 
     found = _TOLERANCE.match(text)
     value, tolerance = (found["value"], float(found["percent"]) / 100.0) if found else (text, 0.0)
     number = _NUMBER.match(value)
     unit = number["unit"].strip() if number else ""
-    if number and unit not in UNITS and _SI.fullmatch(unit):  # made of SI units: nothing has to be converted
-        return ModelParameter(float(number["value"]), tolerance, unit)
+    if unit == "C":
+        raise UnitError(
+            f"--set {name} is in C, which is a temperature to some and a charge to others.", "°C, or A s",
+            "Write which of them it is.",
+        )  # fmt: skip
+    if number and unit not in UNITS and (made := in_si(unit)):
+        return ModelParameter(float(number["value"]) * made[0], tolerance, made[1])
+    known = unit_name(unit) if unit else None
     return ModelParameter(
         parse_quantity(value, None if dimension_of(name) else name),
         tolerance,
-        SI_UNITS[UNITS[unit].dimension] if unit in UNITS else "-",
+        SI_UNITS[UNITS[known].dimension] if known else "-",
     )

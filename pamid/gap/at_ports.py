@@ -14,6 +14,7 @@ from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
 from .inference.gauss_newton import Fitter
+from .inference.hypotheses import Outcome
 from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
@@ -24,6 +25,7 @@ from .residuals.protocol import Spec
 from .residuals.shooting import ShootingEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
+from .settings import EXCESS
 from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
@@ -101,9 +103,9 @@ def diagnose_evidence(
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, log.n))
 
-        def heed(spec: Spec) -> None:
+        def heed(outcome: Outcome) -> None:
             predictable = simulator.form == "ode" and not simulator.one_by_one
-            if predictable and isinstance(searched, DirectEvidence) and searched.drowns(spec):
+            if predictable and isinstance(searched, DirectEvidence) and any(map(searched.drowns, in_question(outcome))):
                 raise DrownedError
 
         try:
@@ -126,6 +128,13 @@ def diagnose_evidence(
             predicted.notes.append(DROWNED)
             return diagnose_evidence(predicted, effects, seed, say, change)
     return twice(lambda _: told(found, evidence)), known.learned
+
+
+def in_question(outcome: Outcome) -> list[Spec]:
+    """Return the best set of effects and, where it leaves a gap, those that leave none but were too dear in noise."""
+    best = outcome.best
+    closed = [h.fit.spec for h in outcome.refitted if h is not best and np.all(h.left <= 1.0 + EXCESS)]
+    return [best.fit.spec, *(closed if np.any(best.left > 1.0 + EXCESS) else [])]
 
 
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:

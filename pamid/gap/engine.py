@@ -21,7 +21,7 @@ from .inference.so_far import alone_so_far, stopped, twice, unless_stopped
 from .inference.stepped import with_steps
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
-from .residuals.protocol import ResidualSource, Spec
+from .residuals.protocol import ResidualSource
 from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
 
 if TYPE_CHECKING:
@@ -83,13 +83,13 @@ def explain(
     interrupted: bool = False,
     run: Run | None = None,
     change: Callable[[int], float] | None = None,
-    heed: Callable[[Spec], None] = lambda _: None,
+    heed: Callable[[Outcome], None] = lambda _: None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
     Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
     `change` at one of so many borders, parts that disagree about an effect raise `RunsDifferError`. `heed` is told the
-    best set of effects, and may raise where this evidence cannot judge it.
+    outcome, and may raise where this evidence cannot judge it.
     """
     from threadpoolctl import threadpool_limits
 
@@ -118,7 +118,7 @@ def explain(
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
         if run is not None:
             outcome = unless_stopped(lambda: by_running(competition, outcome, run), so_far)
-        unless_stopped(lambda: heed(outcome.best.fit.spec), lambda: None)
+        unless_stopped(lambda: heed(outcome), lambda: None)
         # Whoever waits no longer in these last steps still wants what was found: they are done once more, in short.
         verdict = twice(lambda _: decide(competition, outcome, random_state))
         return twice(lambda short: answer(evidence, competition, verdict, notes, random_state, say, short))

@@ -63,7 +63,7 @@ UNITS_OF: dict[str, dict[str, float]] = {
     "angle": {"rad": 1, "mrad": 1e-3, "deg": _DEGREE, "°": _DEGREE, "gon": 0.9 * _DEGREE, "rev": 360 * _DEGREE},
     "angular rate": {"rad/s": 1, "deg/s": _DEGREE, "°/s": _DEGREE, "rpm": 6 * _DEGREE, "rev/s": 360 * _DEGREE},
     "ratio": {"-": 1, "1": 1, "%": 1e-2, "percent": 1e-2, "‰": 1e-3},
-    "ratio rate": {"1/s": 1, "%/s": 1e-2},
+    "ratio rate": {"1/s": 1, "%/s": 1e-2, "1/h": 1 / 3600},
     "pressure rate": {"Pa/s": 1, "kPa/s": 1e3, "bar/s": 1e5, "MPa/s": 1e6},
     "force": {
         "N": 1,
@@ -103,6 +103,8 @@ UNITS_OF: dict[str, dict[str, float]] = {
         "mL/s": 1e-6,
         "mL/min": 1e-6 / 60,
     },
+    "density": {"kg/m3": 1, "g/L": 1, "mg/L": 1e-3, "g/mL": 1e3, "g/cm3": 1e3},
+    "concentration": {"mol/m3": 1, "mol/L": 1e3, "mmol/L": 1},
     "mass": {"kg": 1, "g": 1e-3, "lb": 0.45359237},
     "temperature": {"K": 1},
     "voltage": {"V": 1, "mV": 1e-3, "µV": 1e-6},

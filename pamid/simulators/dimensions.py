@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import traceback
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -19,6 +19,8 @@ _SHRUNK = 0.6
 _STARTS = np.array([0])
 _TIME = np.linspace(0.0, 3.0, 80)
 _NOTHING: Any = Surroundings()
+_PRODUCT = re.compile(r"[-A-Za-z ^0-9/()*.·²³⁻¹−]*")
+_POWERS = str.maketrans("²³⁻¹−", "23-1-")
 
 
 @cache
@@ -106,21 +108,21 @@ def _reading(made: Effect, scale: float) -> Any:
 
 
 def unit_powers(unit: str) -> dict[str, int]:
-    """Return a unit as powers of its words."""
-    above, _, below = unit.partition("/")
+    """Return a unit as powers of its words: m^3, m**3, m³ and m3 are the same."""
+    above, _, below = unit.translate(_POWERS).partition("/")
     found: dict[str, int] = {}
     for part, sign in ((above, 1), (below, -1)):
-        for word, power in re.findall(r"([A-Za-z]+)(?:\^(\d+))?", part):
+        for word, power in re.findall(r"([A-Za-z]+(?:\d[A-Za-z]+)*)(?:(?:\^|\*\*)?(-?\d+))?", part):
             found[word] = found.get(word, 0) + sign * int(power or 1)
     return {k: v for k, v in found.items() if v}
 
 
-def unit_text(factors: list[tuple[str, int]]) -> str:
+def unit_text(factors: Sequence[tuple[str, float]]) -> str:
     """Return a product of units with powers as text."""
-    total: dict[str, int] = {}
+    total: dict[str, float] = {}
     for unit, power in factors:
         plain = unit not in ("", "-", "1")
-        for word, own in (unit_powers(unit) if re.fullmatch(r"[A-Za-z ^0-9/()]*", unit) else {unit: 1}).items():
+        for word, own in (unit_powers(unit) if _PRODUCT.fullmatch(unit) else {unit: 1}).items():
             if plain:
                 total[word] = total.get(word, 0) + own * power
     top = [w if n == 1 else f"{w}^{n}" for w, n in total.items() if n > 0]

@@ -113,10 +113,9 @@ class Runner:
         z[0] = begun
         guess = np.concatenate([near, np.zeros((len(t), n - near.shape[1], many))], axis=1)
         z[1:, :n] = guess[at] + (share + 1.0 / m) * (guess[at + 1] - guess[at])
-        if len(begun) > n:
-            for k in range(steps):
-                memory = self._remembered(acting, memory, z[k : k + 2, :n], held[k], times[k], paths)
-                z[k + 1, n:] = np.concatenate([np.asarray(own).reshape(-1, many) for own in memory])
+        if kept:
+            rows = np.concatenate([held, held[-1:]]), np.vstack([times, t[-1:]])
+            z[1:, n:] = self._remembered(acting, z[:, :n], *rows, paths)[1:]
         size = np.max(np.abs(z), axis=(0, 2))[:, None]
         size = np.where(size > 0.0, size, 1.0)
         chains, last, best, astray = None, np.inf, np.inf, 0
@@ -144,11 +143,18 @@ class Runner:
         return None
 
     def _remembered(
-        self, acting: Acting, memory: list[Any], x: np.ndarray, u: np.ndarray, t: np.ndarray, paths: Sequence[str]
-    ) -> list[Any]:
-        """Return the memory after a step between two states."""
-        before = [place.signals(self._table(x[0], u, paths), t) for place, _ in acting]
-        return self._moved(acting, memory, before, x[1], u, self.dt / self.substeps, t, paths)
+        self, acting: Acting, x: np.ndarray, u: np.ndarray, t: np.ndarray, paths: Sequence[str]
+    ) -> np.ndarray:
+        """Return the memory along runs whose states are known, shape (n_rows, n_memory, n_runs)."""
+        rows, _, many = x.shape
+        table = dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), _run_by_run(x, u), strict=True))
+        starts, h, found = rows * np.arange(many), self.dt / self.substeps, []
+        for place, made in acting:
+            if made.n_states:
+                s = place.signals(table, t.T.ravel())
+                own = np.asarray(made.trace(s, place.plant, h * place.scales.time, starts))
+                found.append(own.reshape(-1, many, rows).transpose(2, 0, 1))
+        return np.concatenate(found, axis=1)
 
     def _table(self, x: np.ndarray, u: np.ndarray, paths: Sequence[str]) -> dict[str, np.ndarray]:
         return dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), (*x, *u), strict=True))
@@ -203,6 +209,11 @@ class Runner:
         for k, name in enumerate(paths):
             added[n + k] = x[simulator.states.index(self.paths[name])]
         return added
+
+
+def _run_by_run(*signals: np.ndarray) -> np.ndarray:
+    """Return signals of all rows and runs, run after run, shape (n_signals, n_runs * n_rows)."""
+    return np.concatenate([x.transpose(1, 2, 0).reshape(x.shape[1], -1) for x in signals])
 
 
 def _flat(rows: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -236,9 +236,14 @@ class Values(np.ndarray):
 @lru_cache(maxsize=256)
 def _class_of(names: tuple[str, ...]) -> type[Values]:
     """Return the class whose attributes of these names are rows, even where arrays have such attributes."""
-    taken = {n: property(_row(k)) for k, n in enumerate(names) if n in dir(Values)}
-    return type("Values", (Values,), taken) if taken else Values
+    return type("Values", (Values,), {n: _Row(k) for k, n in enumerate(names)})
 
 
-def _row(k: int) -> Callable[[Values], Any]:
-    return lambda values: np.asarray(values)[k]
+class _Row:
+    """A row of values by its name, which a function may set to another value."""
+
+    def __init__(self, k: int) -> None:
+        self.k = k
+
+    def __get__(self, values: Any, owner: Any = None) -> Any:
+        return np.asarray(values)[self.k]

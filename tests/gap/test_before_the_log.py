@@ -84,6 +84,36 @@ def test_a_slow_thermometer_is_predicted_since_undoing_its_lag_would_drown_the_r
     assert any("lag" in name for cause in found.causes for name in cause.effects)
 
 
+FERMENTER = EquationSimulator(
+    {"dX/dt": "(mu*S/(K + S) - D)*X", "dS/dt": "D*(F - S) - mu*S/(K + S)*X/Y"},
+    [Port("D", "input", "1/s"), Port("X", "state", "kg/m3"), Port("S", "state", "kg/m3")],
+    {"mu": (1.2e-4, 0.05, "1/s"), "K": (0.35, 0.1, "kg/m3"), "Y": (0.48, 0.05), "F": 60.0},
+)
+
+
+def fermenter_log(lag, seed=0):
+    rng, runs, dt = np.random.default_rng(seed), [], 360.0
+    for k in range(2):
+        D, X, S = np.repeat(rng.uniform(5e-6, 9e-5, 14), 29)[:400], 3.0 + 3 * k, 10.0 - 6 * k
+        read, rows = S, []
+        for d in D:
+            rows.append((X, read))
+            for _ in range(20):
+                grown = 1.2e-4 * S / (0.35 + S) * X
+                X, S = X + dt / 20 * (grown - d * X), S + dt / 20 * (d * (60.0 - S) - grown / 0.48)
+                read += dt / 20 * (S - read) / lag
+        X, S = np.array(rows).T + 0.05 * rng.standard_normal((2, len(D)))
+        runs.append(pd.DataFrame({"trajectory": str(k), "time": dt * np.arange(len(D)), "D": D, "X": X, "S": S}))
+    return pd.concat(runs, ignore_index=True)
+
+
+def test_a_lag_that_leaves_nothing_but_noise_is_predicted_before_a_delay_that_leaves_a_gap_is_named():
+    found = pamid.diagnose(fermenter_log(1800.0), FERMENTER, effects=["sensor_lag@S", "sensor_delay@S"])
+    [cause] = found.causes
+    assert DROWNED in found.notes
+    assert cause.effects[0] == "sensor_lag" and abs(cause.parameters["time_constant"].value - 1800.0) < 150.0
+
+
 # --- how large what acts at a joint may be ------------------------------------------------------------------
 def test_effects_at_a_joint_that_is_predicted_have_the_size_of_accelerations():
     coil = EquationSimulator(

@@ -67,6 +67,22 @@ def test_effects_that_remember_are_part_of_it(name):
     assert few < 0.3 * often
 
 
+def test_memory_near_a_run_is_found_without_a_loop_over_its_steps(monkeypatch):
+    simulator, (t, x0, u) = pendulum(), given()
+    kind, follows, steps = all_effects()["resonance"], {"position": "q", "velocity": "dq"}, []
+    place = Placement("resonance@q", "resonance", "q", kind, "input", "torque", follows, Scales())
+    made, step = place.made({"mass": 0.1, "frequency": 9.0, "damping": 0.1}), kind.step
+    p = np.full((1, RUNS), 9.81)
+    runner = Runner(simulator, DT)
+    near = runner.states(t, x0, u, p)
+    exact = runner.states(t, x0, u, p, [(place, made)])
+    monkeypatch.setattr(kind, "step", lambda *a: steps.append(1) or step(*a))
+    found = runner.states(t, x0, u, p, [(place, made)], near=near)
+    assert np.max(np.abs(near - exact)) > 0.05
+    np.testing.assert_allclose(found, exact, atol=1e-9)
+    assert len(steps) < T / 2
+
+
 def test_what_no_such_round_reaches_is_run_step_by_step():
     ports = [Port("force", "input", "N"), Port("v", "state", "m/s")]
     stuck = FunctionSimulator(lambda t, x, u, p: [u.force - 40.0 * np.sign(x.v - 0.1)], ports, {})

@@ -251,4 +251,4 @@ class SignalEvidence(PortEvidence):
         near = float(np.sqrt(np.average([shown(left[a:b]) for a, b in spans], weights=[b - a for a, b in spans])))
         copies = rms(np.array([rms(self._mean(one)) for one in self._draws]))
         self.noise = np.full(len(self.value), max(near, copies, 1e-4 * rms(self.value), 1e-300))
-        self._drawn = self._entered = np.zeros((0, len(self.value)))
+        self._drawn = np.zeros((0, len(self.value)))

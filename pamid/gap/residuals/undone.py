@@ -186,12 +186,19 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return the change of the residuals by more noise, without and under effects, white as they are judged."""
 
         def made() -> tuple[np.ndarray, np.ndarray]:
-            active, numbers = self.active(spec), self.simulator.numbers
-            changed = self._residual(active, numbers, self._copies[-1]) - self._residual(active, numbers)
-            changed += self._entered[-1]  # effects on readings leave the noise of inputs as it is
-            return self._whitening.white(self._drawn[-1] / self.noise), self._whitening.white(changed / self.noise)
+            numbers, copy = self.simulator.numbers, self._copies[-1]
+            usual, changed = (
+                self._residual(active, numbers, copy) - self._residual(active, numbers)
+                for active in (self._own, self.active(spec))
+            )
+            return self._whitening.white(usual / self.noise), self._whitening.white(changed / self.noise)
 
         return self._moved.get(_key(spec), made)
+
+    def _lay_again(self) -> None:
+        self._moved.clear()
+        self._spreads.clear()
+        super()._lay_again()
 
     def _filters(self, place: Placement) -> bool:
         """Return whether undoing a fault in the reading of a state filters its noise."""

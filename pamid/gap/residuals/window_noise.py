@@ -56,7 +56,6 @@ class WindowNoise(ABC):
     _laid: Remembered[np.ndarray]
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
-    _entered: np.ndarray
     _heard = False
     _unresolved: np.ndarray | float = 0.0
     _whitening: Whitening
@@ -105,8 +104,7 @@ class WindowNoise(ABC):
         self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
-        self._drawn, self._entered = drawn, np.zeros_like(drawn)
-        self._unresolved = self._between()
+        self._drawn, self._unresolved = drawn, self._between()
         self._level()
 
     def _level(self) -> None:
@@ -148,16 +146,19 @@ class WindowNoise(ABC):
             return False
         rng, count = np.random.RandomState(1), len(self._drawn)
         different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
-        draws = [
-            [self._under_inputs(self._u + e[:, None] * rng.standard_normal(self._u.shape)) for _ in range(different)]
+        noise = [
+            [e[:, None] * rng.standard_normal(self._u.shape) for _ in range(different)]
             for e in np.diag(sigma)[sigma > 0.0]
         ]
+        draws = [[self._under_inputs(self._u + e) for e in each] for each in noise]
         alike = [np.array([judged(one) for one in each]) for each in draws]
         which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
         if not which:
             return False
-        self._entered = np.sum([draws[k] for k in which], axis=0)[np.arange(count) % different]
-        self._drawn = self._drawn + self._entered
+        for k in which:
+            self._drawn += np.array(draws[k])[np.arange(count) % different]
+        louder = self._u + np.sum([noise[k][(count - 1) % different] for k in which], axis=0)
+        self._copies[-1] = {**self._copies[-1], **dict(zip(self.simulator.inputs, louder, strict=True))}
         names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
         self._heard = True
         self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
@@ -241,6 +242,6 @@ class WindowNoise(ABC):
     def widen(self, times: Mapping[str, float]) -> None:
         """Scale the noise of equations."""
         for equation, part in zip(self.equations, self.parts, strict=True):
-            for of in (self.noise, self._drawn, self._entered):
-                of[..., part] *= times.get(equation, 1.0)
+            self.noise[part] *= times.get(equation, 1.0)
+            self._drawn[:, part] *= times.get(equation, 1.0)
         self._lay_again()
