@@ -35,7 +35,7 @@ def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
         )
     for fill in (True, False):
         values = {p.name: _generic(p, fill) for p in effect.parameters}
-        choices = [(0,) if p.unit == "s" or p.share else (0, 1) for p in effect.parameters]
+        choices = [(0,) if p.unit == "s" or p.share else (p.position,) if p.position else (0, 1) for p in effect.parameters]
         for some in sorted(itertools.product(*choices), key=sum):
             named = dict(zip(values, some, strict=True))
             if _scales(effect, hook, named, values):
