@@ -100,8 +100,7 @@ class ResidualSource(Protocol):
         ...
 
     def glance(self, spec: Spec) -> np.ndarray:
-        """Return roughly what effects change in the residuals, at low cost: where on a fine grid they are to be looked
-        for."""
+        """Return roughly what effects change in the residuals, at low cost: enough to choose points of a fine grid."""
         ...
 
     def raw(self, z: np.ndarray) -> np.ndarray:
