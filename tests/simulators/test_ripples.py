@@ -59,6 +59,14 @@ def test_a_faultless_reading_has_no_ripple(speed: bool) -> None:
     assert diagnose_simulator(slide_log(speed=speed), slide()).verdict == "none"
 
 
+@pytest.mark.parametrize("speed", [True, False])
+def test_a_hum_in_time_is_no_ripple(speed: bool) -> None:
+    log = slide_log(speed=speed)
+    log["s"] += 2e-3 * np.sin(40.0 * log["time"])
+    found = diagnose_simulator(log, slide())
+    assert found.verdict == "unknown" and not found.causes
+
+
 def test_only_readings_along_a_way_have_ripples() -> None:
     from pamid.gap.simulated import evidence_of
 

@@ -127,7 +127,7 @@ class UndoneEvidence(PortEvidence, ABC):
         if place.enters != "output" or place.at not in self.simulator.states:
             return super().glance(spec)
         x = log.channels[place.at]
-        error = place.truth(place.effect(**values), x, log.dt, log.starts) - x
+        error = x - place.reading(place.effect(**values), x, log.dt, log.starts)  # of truths to first order
         parts = []
         for b, firsts in zip(self.balances, self._first, strict=True):
             if b.channel != place.at:
