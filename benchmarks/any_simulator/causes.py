@@ -1,7 +1,7 @@
 """Causes of a gap at the ports of a system, in code of their own, and causes that no library holds.
 
-Foreign are a sine in time at a joint, crosstalk between readings, a ripple of a reading that is no position, and a hum of
-one that is: a ripple of a position is in the library.
+Foreign are a sine in time at a joint, crosstalk between readings, a ripple of a reading that is no position, and a hum
+of one that is: a ripple of a position is in the library.
 """
 
 from __future__ import annotations
