@@ -1,4 +1,8 @@
-"""Causes of a gap at the ports of a system, in code of their own, and causes that no library holds."""
+"""Causes of a gap at the ports of a system, in code of their own, and causes that no library holds.
+
+Foreign are a sine in time at a joint, crosstalk between readings, a ripple of a reading that is no position, and a hum
+of one that is: a ripple of a position is in the library.
+"""
 
 from __future__ import annotations
 
@@ -117,6 +121,9 @@ class Reading(Cause):
             return np.stack([np.interp(t - p["a"], t, col) for col in y.T], axis=1)
         if n == "ripple":
             return y + p["a"] * np.sin(2 * np.pi * y / p["pitch"] + p["phase"])
+        if n == "hum":
+            t = np.arange(len(y)) * dt
+            return y + p["a"] * np.sin(p["omega"] * t + p["phase"])[:, None]
         if n == "crosstalk":
             other = others[sorted(k for k in others if k != self.port)[0]]
             return y + p["a"] * (other - np.mean(other)) * np.std(y) / (np.std(other) or 1.0)
@@ -130,7 +137,9 @@ class Number(Cause):
 JOINT = ("viscous_friction", "coulomb_friction", "stribeck_friction", "quadratic_drag")
 INPUT = ("actuator_gain", "actuator_dead_zone", "actuator_lag", "actuator_delay", "actuator_saturation")
 OUTPUT = ("sensor_gain", "sensor_lag", "sensor_delay", "sensor_bias")
-FOREIGN = ("disturbance", "ripple", "crosstalk")
+FOREIGN = ("disturbance", "ripple", "crosstalk", "hum")
+POSITIONS = ("hinge_q", "x", "angle", "s")
+"""Readings whose ripple is in the library."""
 
 
 def menu(plant: Plant) -> list[tuple[str, str]]:
@@ -146,7 +155,8 @@ def menu(plant: Plant) -> list[tuple[str, str]]:
 def foreign_menu(plant: Plant) -> list[tuple[str, str]]:
     """Return what it can have that no library holds."""
     joints = [j for j in plant.forces if not j.startswith("chamber")]
-    found = [("disturbance", j) for j in joints] + [("ripple", r) for r in plant.readings]
+    found = [("disturbance", j) for j in joints]
+    found += [("hum" if r in POSITIONS else "ripple", r) for r in plant.readings]
     return found + ([("crosstalk", r) for r in plant.readings] if len(plant.readings) > 1 else [])
 
 
@@ -191,5 +201,7 @@ def drawn(name: str, port: str, plant: Plant, sizes: dict[str, tuple[float, floa
         "sensor_lag": {"a": tau}, "sensor_delay": {"a": tau},
         "ripple": {"a": 0.03 * share * span, "pitch": pitch, "phase": float(rng.uniform(0, 6))},
         "crosstalk": {"a": 0.3 * share},
+        # Ten to thirty samples a period, from a draw that is there: other cases stay as they are.
+        "hum": {"a": 0.03 * share * span, "omega": 2 * np.pi / (250.0 * pitch / span * plant.dt), "phase": 0.0},
     }[name]  # fmt: skip
     return Reading(name, port, numbers, name in FOREIGN)

@@ -14,6 +14,7 @@ from ..effects.leakage import PortLeakage
 from ..effects.limits import ReadingRange
 from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
 from ..effects.readings import AngleGain
+from ..effects.ripples import PeriodicReading
 from ..effects.springs import LowerStop, Spring, UpperStop
 from ..effects.steady import SteadyForce, SteadyHeating, SteadyInflow
 from ..errors import UnknownOptionError
@@ -31,6 +32,7 @@ _TOP = 5e5
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
+_ALONG = {"length", "angle"}
 EDGE = 0.02
 """Share of a level's range by which noise may take it below zero."""
 NEAR_END = 1e-3
@@ -40,6 +42,7 @@ NEAR_END = 1e-3
 OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "overflow": ("chamber", PortOverflow),
     "leakage": ("chamber", PortLeakage),
+    "sensor_ripple": ("output", PeriodicReading),
     "sensor_saturation": ("output", ReadingRange),
     "backlash": ("link", Play),
     "spring": ("link", Spring),
@@ -148,14 +151,20 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
 
 def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
     own = {f"{name}@{where}": values for name, where, values in simulator.effects}
+    positions = {j.position for j in survey.joints}
     for port in survey.readings:
         span, end = survey.spans.get(port, 0.0), survey.ends.get(port, 0.0)
         if not span > 0.0:
             continue
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
         reach, least = survey.tops.get(port, span), (1.0 - NEAR_END) * end
-        place = PortPlace(port, "output", "output", port, scales, unit, unit, reach=reach, least=least)
+        place = PortPlace(
+            port, "output", "output", port, scales, unit, unit, reach=reach, least=least, range_of=span / scales.target
+        )
+        way = _dimension(unit) in _ALONG or port in positions
         for name, effect in _effects_at("output"):
+            if any(p.periods for p in effect.parameters) and not way:
+                continue  # what repeats does so along a way
             if issubclass(effect, ReadingRange):
                 side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
                 yield replace(place, reach=end if side else reach).placed(name, effect.ending(side))
@@ -250,10 +259,14 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
             yield replace(place.placed(effect_name, effect, hidden), into=into)
 
 
+def _dimension(unit: str) -> str:
+    """Return the dimension of a unit; empty for an unknown one."""
+    return UNITS[unit].dimension if unit in UNITS else ""
+
+
 def _temperature(unit: str) -> Unit | None:
     """Return a unit as one of temperature; None if it is another."""
-    known = UNITS.get(unit)
-    return known if known is not None and known.dimension == "temperature" else None
+    return UNITS[unit] if _dimension(unit) == "temperature" else None
 
 
 def _head(unit: str, survey: SignalSizes, state: str) -> dict[str, float]:

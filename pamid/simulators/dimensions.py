@@ -37,7 +37,7 @@ def powers(effect: type[Effect], hook: str) -> dict[str, int] | None:
         )
     for fill in (True, False):
         values = {p.name: _generic(p, fill) for p in effect.parameters}
-        choices = [(0,) if p.unit == "s" or p.share else (0, 1) for p in effect.parameters]
+        choices = [_possible(p) for p in effect.parameters]
         for some in sorted(itertools.product(*choices), key=sum):
             named = dict(zip(values, some, strict=True))
             if _scales(effect, hook, named, values):
@@ -53,6 +53,13 @@ def _scales(effect: type[Effect], hook: str, named: Mapping[str, int], values: M
         return False
     found = _quietly(does, effect, {k: v * _SHRUNK ** named[k] for k, v in values.items()}, _SHRUNK)
     return found is not None and bool(np.allclose(found, wanted, rtol=1e-6, atol=1e-9 * float(np.max(np.abs(wanted)))))
+
+
+def _possible(p: Parameter) -> tuple[int, ...]:
+    """Return the powers of the signal's unit that a parameter may have."""
+    if p.position:
+        return (p.position,)
+    return (0,) if p.unit == "s" or p.share else (0, 1)
 
 
 def _generic(p: Parameter, fill: bool) -> float:

@@ -88,17 +88,38 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
             verdict.weights[name] = _weights(outcome.alternatives[name], best, name, about, evidence)
             verdict.classes[name] = _class(verdict.weights[name], name)
         verdict.trust = trust(competition, outcome, verdict.part_of, verdict.classes)
-        named = [name for name in best.fit.spec if verdict.trust[name].named]
+        named = _standing(verdict, competition)
         shown = beyond < FALSE_ALARM or any(found.supported for found in verdict.trust.values())
         alike = not named and all(found.closes for found in verdict.trust.values())
         verdict.kind = kind_of(verdict, named) if named else "family" if alike else "unknown" if shown else "none"
         if named and len(named) < len(best.fit.spec):
             # What is not trusted is left to the remainder: it may compensate the form of other causes.
-            verdict.outcome = competition.only(outcome, {name: verdict.classes[name] for name in named})
-            verdict.part_of = shapley(competition.fitter, base.fit, verdict.outcome.best.fit)
+            verdict.outcome, verdict.part_of = _only(verdict, competition, named)
     elif beyond < FALSE_ALARM:
         verdict.kind = "unknown"
     return verdict
+
+
+def _standing(verdict: Verdict, competition: Competition) -> list[str]:
+    """Return the causes that are trusted, also without those that are not; what is not then loses its trust.
+
+    A cause that needs another one beside it which nobody trusts has been fitted to that one's work.
+    """
+    named = [name for name in verdict.outcome.best.fit.spec if verdict.trust[name].named]
+    while named and len(named) < len(verdict.outcome.best.fit.spec) and not competition.evidence.exact:
+        found = trust(competition, *_only(verdict, competition, named), verdict.classes)
+        fallen = {name: found[name] for name in named if not found[name].named}
+        if not fallen:
+            break
+        verdict.trust |= fallen
+        named = [name for name in named if name not in fallen]
+    return named
+
+
+def _only(verdict: Verdict, competition: Competition, named: Sequence[str]) -> tuple[Outcome, dict[str, float]]:
+    """Return the outcome for some of the causes, and their shares of the joint gain."""
+    outcome = competition.only(verdict.outcome, {name: verdict.classes[name] for name in named})
+    return outcome, shapley(competition.fitter, outcome.base.fit, outcome.best.fit)
 
 
 def kind_of(verdict: Verdict, names: Sequence[str]) -> str:

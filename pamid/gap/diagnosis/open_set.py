@@ -13,7 +13,8 @@ above the bar at which at most one in twenty of the names reported on such logs 
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
 once, so that something always exceeds the noise. As the two cannot be distinguished, names are also reported where
-they close more than they leave in the equations that they change, a share c, with the probability
+they close more than they leave in the equations that they change, also without causes that are not trusted; or of the
+whole gap, where these equations show none beyond the noise. With this share c the probability is
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
 

@@ -80,7 +80,7 @@ class _Told:
             **self._of_equation(self.main[name]),
             "left_of_gap": self._left_of_gap,
             "unclosed_of_gap": self._unclosed_of_gap,
-            "left_where_it_acts": self._left_in(self._where(name)),
+            "left_where_it_acts": self._left_where(self._where(name)),
             "elsewhere": self._elsewhere,
             "undone": self._undone(name),
             "faint": -0.25 * np.log(max(share, 1e-3)),
@@ -123,6 +123,10 @@ class _Told:
         """Return the share of the gap in some equations that the hypothesis leaves."""
         room = sum(self._excess(self.before[part]) for part in parts)
         return sum(self._excess(self.after[part]) for part in parts) / room if room > 0 else 0.0
+
+    def _left_where(self, parts: Sequence[slice]) -> float:
+        """Return the share that is left where a cause acts; of the whole gap where there is none beyond the noise."""
+        return self._left_in(parts) if any(self._excess(self.before[p]) > 0.0 for p in parts) else self._left_of_gap
 
     def _excess(self, z: np.ndarray) -> float:
         """Return by how much residuals exceed their noise, a sum of squares to which no window adds without bound."""

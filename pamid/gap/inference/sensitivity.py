@@ -82,16 +82,19 @@ def laid(evidence: ResidualSource, name: str) -> list[Template]:
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
     if not linear and len(others) == 1 and others[0].lower < 0.0:
         return _small_change(evidence, name, others[0])
+    points = itertools.product(*(grid(p, sum(not q.refines for q in others)) for p in others))
+    grids = [{p.name: float(v) for p, v in zip(others, point, strict=True)} for point in points]
+    if any(p.spacing for p in others):
+        grids = _peaks(evidence, name, grids, linear)
     found = []
-    for point in itertools.product(*(grid(p, sum(not q.refines for q in others)) for p in others)):
-        fixed = {p.name: float(v) for p, v in zip(others, point, strict=True)}
+    for fixed in grids:
         D = _columns(evidence, name, fixed, linear)
         bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
             found.append(Template(name, fixed, tuple(p.name for p in linear), D, lower, upper, top, effect))
-    return _peaks(evidence, found, [p for p in others if p.spacing])
+    return found
 
 
 def _columns(
@@ -100,13 +103,19 @@ def _columns(
     fixed: Mapping[str, float],
     linear: Sequence[Parameter],
     beside: Spec | None = None,
+    roughly: bool = False,
 ) -> np.ndarray:
     """Return the change by a unit of each linear parameter of an effect, or by the effect as a whole, beside others."""
-    spec, x, columns = dict(beside or {}), np.zeros(len(evidence.free)), []
+    spec, x = dict(beside or {}), np.zeros(len(evidence.free))
+
+    def change(values: Mapping[str, float]) -> np.ndarray:
+        return evidence.glance({name: values}) if roughly else evidence.change({**spec, name: values}, spec, x)
+
+    columns = []
     for p in linear:
         alone = {q.name: _unit(p) if q is p else 0.0 for q in linear}
-        columns.append(evidence.change({**spec, name: {**fixed, **alone}}, spec, x) / _unit(p))
-    return np.column_stack(columns or [evidence.change({**spec, name: dict(fixed)}, spec, x)])
+        columns.append(change({**fixed, **alone}) / _unit(p))
+    return np.column_stack(columns or [change(dict(fixed))])
 
 
 def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec) -> list[Template]:
@@ -198,16 +207,20 @@ def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> li
     return found
 
 
-def _peaks(evidence: ResidualSource, found: list[Template], finely: Sequence[Parameter]) -> list[Template]:
-    """Return templates on a fine grid that close more than their neighbours, the best of them; others as they are."""
-    if not finely or len(found) <= PEAKS:
-        return found
+def _peaks(
+    evidence: ResidualSource, name: str, grids: list[dict[str, float]], linear: Sequence[Parameter]
+) -> list[dict[str, float]]:
+    """Return the points of a fine grid at which an effect closes more than at their neighbours, the best of them."""
+    if len(grids) <= PEAKS:
+        return grids
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(evidence.z0), 0))
     left = evidence.z0 - Q @ (Q.T @ evidence.z0)
-    gains = np.empty(len(found))
-    for k, t in enumerate(found):
-        columns = t.columns - Q @ (Q.T @ t.columns)
-        gains[k] = float(np.sum((np.linalg.qr(columns)[0].T @ left) ** 2))
+    gains = np.full(len(grids), -np.inf)
+    for k, fixed in enumerate(grids):
+        columns = _columns(evidence, name, fixed, linear, roughly=True)
+        if np.all(np.isfinite(columns)) and np.any(columns):
+            columns = columns - Q @ (Q.T @ columns)
+            gains[k] = float(np.sum((np.linalg.qr(columns)[0].T @ left) ** 2))
     around = np.pad(gains, 1, constant_values=-np.inf)
-    highest = np.flatnonzero((gains >= around[:-2]) & (gains >= around[2:]))
-    return [found[k] for k in sorted(highest[np.argsort(-gains[highest])][:PEAKS])]
+    highest = np.flatnonzero((gains >= around[:-2]) & (gains >= around[2:]) & (gains > -np.inf))
+    return [grids[k] for k in sorted(highest[np.argsort(-gains[highest])][:PEAKS])]

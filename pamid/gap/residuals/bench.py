@@ -260,6 +260,10 @@ class Evidence:
             self._recent = {**dict(list(self._recent.items())[1 - RECENT :]), asked: out}
         return self._recent[asked]
 
+    def glance(self, spec: Spec) -> np.ndarray:
+        """Return what effects change in the residuals."""
+        return self.change(spec, {}, np.zeros(len(self.free)))
+
     def stepped(self) -> None:
         """Return None: a bench has a method of integration of its own."""
 

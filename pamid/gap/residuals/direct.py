@@ -470,8 +470,7 @@ class DirectEvidence(MotionSignals):
         for b, firsts in zip(self.balances, self._first, strict=True):
             runs = [(slice(a, e), first) for (a, e), first in zip(self.log.spans, firsts, strict=True)]
             parts.append(np.concatenate([average(each(b, rows), self.n, b.order + 1, first) for rows, first in runs]))
-        parts = parts if self._turned is None else self._turned(parts)
-        return np.concatenate([r[moves] for r, moves in zip(parts, self._moving, strict=True)])
+        return self._as_tested(parts)
 
     def _turn(self) -> Turned | None:
         """Return the map from residuals of rates to those of forces, or one that decouples the joints' drives.

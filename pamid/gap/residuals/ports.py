@@ -331,6 +331,10 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         """Return by how much the residuals change from effects to others, at deviations x."""
         return self.z(spec, self._named(x)) - self.z(about, self._named(x))
 
+    def glance(self, spec: Spec) -> np.ndarray:
+        """Return roughly what effects change in the residuals, at low cost."""
+        return self.change(spec, {}, np.zeros(len(self.free)))
+
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change."""
         found: set[str] = set()

@@ -272,6 +272,9 @@ class PredictedEvidence(StretchEvidence):
             near = self._ran(x0, drive.u, drive.p, True) if straight else self._combined(x0, base, drive)
             none = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
             return self._shown(none, known, self.shown), self._shown(none, near, self.shown)
+        if drive.alike(base):  # nothing responds to what changes readings alone
+            states, outputs = self._simulate(x0, base.u, base.p, base.acting)
+            return self._shown(states, outputs, self.shown), self._shown(states, outputs, self.shown)
         return self._responded(x0, base, drive, lambda response: response.to(drive))
 
     def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:

@@ -99,6 +99,10 @@ class ResidualSource(Protocol):
         """Return by how much the residuals change from effects to others nearby, to first order, at deviations x."""
         ...
 
+    def glance(self, spec: Spec) -> np.ndarray:
+        """Return roughly what effects change in the residuals, at low cost: enough to choose points of a fine grid."""
+        ...
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
         ...

@@ -39,6 +39,11 @@ class Drive:
         self.u, self.p, self.lines = u, p, lines
         self.acting = [(place, made) for place, made in active if place.acts]
 
+    def alike(self, other: Drive) -> bool:
+        """Return whether another drive is the same: then no response differs."""
+        same = self.lines == other.lines and self.acting == other.acting
+        return same and np.array_equal(self.u, other.u) and np.array_equal(self.p, other.p)
+
 
 class Response:
     """Changes of the states along one run of every stretch."""

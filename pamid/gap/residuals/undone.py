@@ -38,6 +38,7 @@ from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import SMALL, rms
+from .turned import Turned
 from .window_noise import NEAR
 
 
@@ -52,6 +53,8 @@ class UndoneEvidence(PortEvidence, ABC):
     _x: np.ndarray
     n: int
     _first: list[list[np.ndarray]]
+    _moving: list[np.ndarray]
+    _turned: Turned | None
 
     @abstractmethod
     def _residual(
@@ -63,6 +66,11 @@ class UndoneEvidence(PortEvidence, ABC):
     @abstractmethod
     def _motion(self, channels: Mapping[str, np.ndarray]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Return the states at each row, and all signals by name."""
+
+    def _as_tested(self, parts: list[np.ndarray]) -> np.ndarray:
+        """Return the windows of the balances as they are tested: as forces, where joints move."""
+        parts = parts if self._turned is None else self._turned(parts)
+        return np.concatenate([r[moves] for r, moves in zip(parts, self._moving, strict=True)])
 
     def left(self, simulator: Simulator, channels: Mapping[str, np.ndarray] | None = None) -> np.ndarray:
         """Return white residuals of the simulator with other numbers, on the log or on fault-free simulated signals."""
@@ -111,6 +119,23 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return the relative width of the noise under effects that filter it or follow it; None without any."""
         found = self._noise_under({k: v for k, v in spec.items() if self._changes_noise(self.placements[k])})
         return None if found is None else found[0]
+
+    def glance(self, spec: Spec) -> np.ndarray:
+        """Return what effects change; of a fault in a reading, how it changes the measured side of the equations."""
+        [(name, values)], log = spec.items(), self.log
+        place = self.placements[name]
+        if place.enters != "output" or place.at not in self.simulator.states:
+            return super().glance(spec)
+        x = log.channels[place.at]
+        error = x - place.reading(place.effect(**values), x, log.dt, log.starts)  # of truths to first order
+        parts = []
+        for b, firsts in zip(self.balances, self._first, strict=True):
+            if b.channel != place.at:
+                parts.append(np.zeros(sum(map(len, firsts))))
+                continue
+            runs = [(b.rate(error[a:e], log.dt), first) for (a, e), first in zip(log.spans, firsts, strict=True)]
+            parts.append(np.concatenate([average(rate, self.n, b.order + 1, first) for rate, first in runs]))
+        return self._whitening.white(self._as_tested(parts) / self.noise)
 
     def drowns(self, spec: Spec) -> bool:
         """Return whether undoing faults of readings adds more noise to an equation than the readings bring."""

@@ -220,6 +220,11 @@ class StackedEvidence:
             each.append(np.zeros(len(log.evidence.z0)) if here == there else log.evidence.change(here, there, mine))
         return self._gathered(each)
 
+    def glance(self, spec: Spec) -> np.ndarray:
+        """Return roughly what effects change in the residuals of each log."""
+        each = [(log.evidence, self.spec_in(k, spec)) for k, log in enumerate(self.logs)]
+        return self._gathered([e.glance(here) if here else np.zeros(len(e.z0)) for e, here in each])
+
     def raw(self, z: np.ndarray) -> np.ndarray:
         """Return residuals as the windows have them, in units of each window's noise."""
         return self._gathered([log.evidence.raw(z[p]) for log, p in zip(self.logs, self.places, strict=True)])
