@@ -148,7 +148,7 @@ class Runner:
         """Return the memory along runs whose states are known, shape (n_rows, n_memory, n_runs)."""
         rows, _, many = x.shape
         table = dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), _run_by_run(x, u), strict=True))
-        starts, h, found = rows * np.arange(many), self.dt / self.substeps, []
+        starts, h, found = rows * np.arange(many), self.dt / self.substeps, [np.zeros((rows, 0, many))]
         for place, made in acting:
             if made.n_states:
                 s = place.signals(table, t.T.ravel())
