@@ -113,7 +113,7 @@ class Runner:
         z[0] = begun
         guess = np.concatenate([near, np.zeros((len(t), n - near.shape[1], many))], axis=1)
         z[1:, :n] = guess[at] + (share + 1.0 / m) * (guess[at + 1] - guess[at])
-        if kept:
+        if len(begun) > n:
             rows = np.concatenate([held, held[-1:]]), np.vstack([times, t[-1:]])
             z[1:, n:] = self._remembered(acting, z[:, :n], *rows, paths)[1:]
         size = np.max(np.abs(z), axis=(0, 2))[:, None]

@@ -50,6 +50,17 @@ def test_states_near_a_run_lead_to_it_in_few_calls(lines, substeps):
     assert few < 0.3 * often
 
 
+def test_an_effect_without_memory_is_part_of_it():
+    simulator, (t, x0, u) = pendulum(), given()
+    kind, follows = all_effects()["viscous_friction"], {"position": "q", "velocity": "dq"}
+    place = Placement("viscous_friction@q", "viscous_friction", "q", kind, "input", "torque", follows, Scales())
+    acting, p = [(place, place.made({"coefficient": 0.4}))], np.full((1, RUNS), 9.81)
+    runner = Runner(simulator, DT)
+    near = runner.states(t, x0, u, p)
+    exact = runner.states(t, x0, u, p, acting)
+    np.testing.assert_allclose(runner.states(t, x0, u, p, acting, near=near), exact, atol=1e-10)
+
+
 @pytest.mark.parametrize("name", ["coulomb_friction", "hysteresis"])
 def test_effects_that_remember_are_part_of_it(name):
     simulator, (t, x0, u) = pendulum(), given()
