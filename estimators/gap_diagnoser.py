@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
@@ -260,8 +261,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _problem(self, table: np.ndarray, y: np.ndarray, groups: np.ndarray, where: Any = None) -> Problem:
         """Return the equation on a table."""
-        import pandas as pd
-
         names = getattr(self, "feature_names_in_", None)
 
         def modelled(X: pd.DataFrame) -> np.ndarray:

@@ -7,6 +7,7 @@ from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
@@ -185,8 +186,6 @@ class ResidualHybrid(Streaming, OneLayerNetwork, ForceInside, SignalRegressor):
         model = self._own_model()
         if isinstance(model, SignalEstimator) and model.signals is None:
             return np.column_stack([self._signal(table, name) for name in self._read_by_model()])
-        import pandas as pd
-
         return pd.DataFrame({name: self._signal(table, name) for name in self._read_by_model()})
 
     @classmethod

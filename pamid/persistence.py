@@ -16,6 +16,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+import numpy
+
 from . import __version__
 from ._model_archive import MAX_BYTES, METADATA, SCHEMA, check_arrays, hostile, parse_json, read_archive, unpack
 from ._model_audit import audit_schema
@@ -251,7 +253,6 @@ def _check_own(estimator: Any, packed: bytes, trusted: Sequence[TrustedType]) ->
 
 
 def _describe(estimator: Any, metadata: Mapping[str, Any] | None) -> dict[str, Any]:
-    import numpy
     import sklearn
     import skops
 

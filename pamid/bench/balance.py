@@ -13,17 +13,14 @@ Three balances are exact consequences of the nominal equations, so what they lea
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .antagonist import Antagonist
 from .controller import Controller, RunningController
 from .integrate import RungeKutta4
+from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
 
 
 def balances(params: BenchParameters, runs: Sequence[Trajectory], substeps: int = 1) -> dict[str, float]:

@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .kinematics import contraction
+from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
 
 
 @dataclass(frozen=True)

@@ -7,14 +7,11 @@ that are allocated once, because the time of a simulation goes into calls rather
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..effects.base import Effect, Signals
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
+from .parameters import BenchParameters
 
 MUSCLE_HOOKS = ("force", "flow", "command", "supply", "valve")
 

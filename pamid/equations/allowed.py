@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from ..errors import MissingColumnError
 from ..names import require_one_of
 from .base import Equation, Residual, all_equations
@@ -14,8 +16,6 @@ from .stretch import HALF
 from .windows import WINDOW
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
 
 CHANNELS = ("P", "F", "mdot", "u")

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ReadingWarning, ShortTrajectoryError, UnitWarning
 from ..signals.frames import as_pandas
@@ -18,8 +19,6 @@ from .unit_doubts import unit_doubts
 from .windows import WINDOW
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
 
 _WORST = 3  # windows that one wrong reading falls into, with derivatives
@@ -283,8 +282,6 @@ def evaluate_log(
     >>> result.skipped["joint"]
     'joint needs q, F1, F2; the log lacks F1, F2; it is tested together with force instead'
     """
-    import pandas as pd
-
     allowed: dict[str, Equation] = {}
     skipped: dict[str, str] = {}
     doubts: list[str] = []

@@ -8,6 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..signals.units import UNITS
 from .allowed import allowed_equations, residuals
@@ -15,8 +16,6 @@ from .log import BenchLog, columns_of
 from .run import MUSCLES
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
 
 _MOST = 4_000  # rows that are looked at

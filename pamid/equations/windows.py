@@ -12,6 +12,7 @@ neighbours overlap.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -19,13 +20,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from ..remembered import Remembered
+from .noise import ChannelNoise
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from scipy.sparse import csr_array
-
-    from .noise import ChannelNoise
 
 WINDOW = 0.02
 """Width of a window, s."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..simulators.base import Simulator
 from .design.experiment import next_for_equation
@@ -27,10 +28,7 @@ from .residuals.untested import untested
 from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .several.stacked import StackedEvidence
-
 
 DROWNED = "Readings were predicted: undoing a fault of one in the equations would drown the rest in its noise."
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
 from .diagnosis.answer import answer, untested
@@ -23,11 +24,6 @@ from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
 from .residuals.protocol import ResidualSource, Spec
 from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 
 def diagnose_bench(

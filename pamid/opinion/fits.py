@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..errors import MissingDependencyError, ParameterError, SimulatorFileError, SimulatorNotFoundError
 from ..errors import SimulatorSyntaxError as Broken
@@ -15,9 +15,6 @@ from ..simulators import MujocoSimulator, Simulator
 from ..simulators.ports import ModelParameter
 from ..systems import all_systems, read_system
 from ..toml_files import TomlErrors, read_small_text, read_toml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, SimulatorFileError, Broken)
 _QUANTITIES = {

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import html
+import json
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ParameterError, SimulatorFileError, SimulatorNotFoundError, SimulatorSyntaxError
 from ..file_sets import replacing_together
@@ -17,9 +20,6 @@ from ..simulators import Simulator
 from ..toml_files import TomlErrors, read_toml
 from .estimates import freed, settled
 from .judge import LEVEL, NEGLIGIBLE, Opinion
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, SimulatorFileError, SimulatorSyntaxError)
 _STYLE = (
@@ -176,8 +176,6 @@ class Passport:
     @classmethod
     def from_text(cls, text: str) -> Passport:
         """Return the passport of a TOML text."""
-        import tomllib
-
         return cls._of(tomllib.loads(text))
 
     @classmethod
@@ -271,8 +269,6 @@ def _rig(rig: RigCheck, name: str) -> str:
 def _toml(value: Any) -> str:
     """Return a value in TOML."""
     if isinstance(value, str):
-        import json
-
         return json.dumps(value, ensure_ascii=True)
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ParameterError, ShapeError
 from ._display import Display
@@ -13,7 +14,6 @@ from ._signals import predicted, runs_of, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, drawn_on, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ..explained import explained_by
 from ..names import require_one_of
@@ -13,7 +14,6 @@ from .comparison import comparison_plot
 from .style import BLUE, FAINT, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 _STILL = 2e-3  # range of contraction below which a run is taken for isometric

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
@@ -15,7 +16,6 @@ from ._signals import resting
 from .style import drawn_on, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..errors import UnknownOptionError
 from ._display import Display
@@ -14,7 +15,6 @@ from ._signals import axis_of, column, predicted, runs_of, same_length, target_o
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ParameterError
 from ._display import Display
@@ -13,7 +14,6 @@ from ._signals import axis_of, column, predicted, same_length, target_of
 from .style import drawn_on, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 _BACK = "#E4E4E4"  # where there are no data

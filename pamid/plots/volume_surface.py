@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
@@ -17,7 +18,6 @@ from ._signals import column, resting, runs_of
 from .style import INK, drawn_on, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
 
 _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pale

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ExcitationError, IncompatibleError, MissingColumnError
 from ..requirements import WithVolume
@@ -14,7 +15,6 @@ from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from ..effects import Effect, Parameter, all_effects
+from ..simulators import port_effects
 from ..simulators.dimensions import unit_powers
 from .quantities import amount, amount_within, effect, listed, parameter, placed, places, said_at, span
 
@@ -144,8 +145,6 @@ def _bounded(p: ParameterEstimate) -> bool:
 
 
 def _effect(name: str) -> type[Effect] | None:
-    from ..simulators import port_effects
-
     found = port_effects().get(name)
     return found[1] if found else all_effects().get(name)
 

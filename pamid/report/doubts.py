@@ -6,14 +6,13 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from .quantities import amount
 from .words import Words
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..gap.diagnosis.result import Diagnosis
 
 NEAR = 0.1

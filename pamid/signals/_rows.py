@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import (
     InterleavedTrajectoryError,
@@ -23,8 +24,6 @@ from .reading_notes import Readings
 from .stretches import equal_stretches
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .joining import Joined
 
 _MANY_DUPLICATES = 0.05

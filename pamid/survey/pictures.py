@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..plots.curves import drawn
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
@@ -13,7 +14,6 @@ from ..signals.thinning import spaced
 from .coverage import Coverage, smoothed
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
 _MOST_POINTS = 4000

@@ -5,10 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from ..equations.log import BenchLog
 from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
 from ..json_data import json_ready
+from ..signals.frames import as_pandas
 from ..signals.guess import guess_kind
 from .answerable import Answerable, answerable
 from .channels import Channel, channels_of
@@ -18,8 +21,6 @@ from .scales import scale_doubts
 from .separation import Separation, separation
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..bench.parameters import BenchParameters
     from ..systems import System
 
@@ -119,7 +120,6 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     >>> found.sampling.runs, round(found.sampling.rate), found.coverage.position
     (1, 1000, 'q')
     """
-    from ..signals.frames import as_pandas
     from ..systems import System
 
     log = as_pandas(log)

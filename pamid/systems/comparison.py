@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from ..compare.comparison import Comparison
@@ -17,9 +18,6 @@ from ..equations.noise import channel_noise
 from ..errors import UnknownOptionError
 from ..simulators.problem import Problem
 from .base import System, with_rates
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _STILL = 0.05  # of the highest speed, at which the smoothed sign of the motion is three quarters
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
+
+import numpy as np
+import pandas as pd
 
 from ...errors import ParameterError
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
-    from ..inference.gauss_newton import Fit
+from ..inference.gauss_newton import Fit
 
 DESIGNS, FEW = 200, 30
 """Number of designs that are tried: usually, and for each change of the rig that nobody has declared."""

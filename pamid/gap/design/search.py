@@ -6,9 +6,10 @@ import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ...bench.parameters import BenchParameters
 from ...errors import ExcitationError
@@ -22,9 +23,6 @@ from .plan import AS_IT_IS, TELLS, Expected, Plan
 from .ports import port_rig
 from .rig import FEW, Rig
 from .score import Discrimination, gained, right_first, shown
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WIDE = 0.6
 """Share of the designs that are drawn from the whole family; the others are drawn near the best of these."""
@@ -180,8 +178,6 @@ class _Search:
 
     def seen_again(self, runs: Sequence[Any]) -> Any:
         """Return the designs evaluated so far, simulated with the likeliest explanation."""
-        import pandas as pd
-
         of = [next(table for seen, table in self.seen if seen is run) for run in runs]
         parts = [table.assign(trajectory=str(k)) for k, table in enumerate(of)]
         return self.rig.evidence(pd.concat(parts, ignore_index=True))

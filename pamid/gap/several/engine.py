@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from ...bench.parameters import BenchParameters
 from ...effects import Effect
 from ...effects.registry import chosen_effects
 from ...equations.log import BenchLog
@@ -30,11 +31,6 @@ from .conditions import Conditions, conditions_of
 from .result import LogFinding
 from .stacked import Log, StackedEvidence
 from .variants import Variants
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
 
 
 def diagnose_bench_logs(

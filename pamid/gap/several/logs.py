@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
+import pandas as pd
+
+from ...bench.parameters import BenchParameters
 from ...signals.frames import logs_as_pandas
 from ...simulators.base import Simulator
 from ..at_ports import diagnose_at_ports
@@ -16,11 +18,6 @@ from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
 from .variants import MOST_DAYS, odds_of_change
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
 
 APART = "The runs of this log differ in the size of an effect: each is taken as a log of its own."
 """Note where runs that were given as one log are diagnosed as several."""

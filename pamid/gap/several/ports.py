@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...errors import IncompatibleError
 from ...simulators.base import Simulator
@@ -22,9 +22,6 @@ from ..simulated import evidence_of, learn
 from .conditions import Conditions, conditions_of
 from .engine import naming, refuse_twice, sized, together
 from .stacked import Log
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def diagnose_port_logs(

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from ...errors import UnknownOptionError
 from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, SKY, new_figure, style
 from ..causes import either
 from ..quantities import typeset
@@ -68,8 +69,6 @@ def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
 
 def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
     """Return the closure of an equation."""
-    from ...errors import UnknownOptionError
-
     wanted = equation or (d.added[0].equation if d.added else None)
     by_name = {c.equation: c for c in d.closure}
     if wanted in by_name:

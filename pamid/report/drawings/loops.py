@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...plots.curves import drawn
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
@@ -21,7 +22,6 @@ from .windows import (
 )
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from ...errors import ParameterError
 from ...plots.style import INK, new_figure, style
@@ -14,7 +15,6 @@ from ..words import Words
 from .windows import chosen_equation, of_equation, states, telling_ports, unit_of, usable
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 

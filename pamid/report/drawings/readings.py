@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...plots.curves import drawn
 from ...plots.style import INK, new_figure, style
@@ -13,7 +14,6 @@ from ..words import Words
 from .windows import chosen_equation, of_equation, telling_ports
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from ...gap.diagnosis.result import Diagnosis

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...errors import ShortTrajectoryError
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
@@ -16,7 +17,6 @@ from ..words import Words
 from .windows import chosen_equation, states, unit_of
 
 if TYPE_CHECKING:
-    import pandas as pd
     from matplotlib.figure import Figure
 
     from ...gap.diagnosis.result import Diagnosis

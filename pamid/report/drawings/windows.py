@@ -5,12 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...errors import UnknownOptionError
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 400_000  # windows of a map; more change no cell's mean visibly
@@ -87,8 +86,6 @@ def telling_ports(part: pd.DataFrame) -> list[str]:
 
 def _explained(part: pd.DataFrame, name: str) -> float:
     """Return the share of an error's variance that lies between tenths of a signal's range of ranks."""
-    import pandas as pd
-
     x, error = (pd.Series(part[column].to_numpy(dtype=float)) for column in (name, "before"))
     tenths = (x.rank(method="first", pct=True) * 10).round()
     spread = float(error.var(ddof=0))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import EmptyLogError, HostileLogError
 
@@ -50,8 +51,6 @@ class Messages:
 
 def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_bytes: int) -> RawTable:
     """Return topics as one table at the times of the one with most messages: ``time`` (s) and ``topic.field``."""
-    import pandas as pd
-
     kept = {name: topic for name, topic in topics.items() if len(topic[0]) > 1 and topic[1]}
     if not kept:
         raise EmptyLogError(f"{path.name} holds no topic with numbers.", "messages with numbers", "Record topics.")

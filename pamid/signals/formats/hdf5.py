@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
@@ -14,10 +15,8 @@ from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
     import h5py
-    import pandas as pd
 
     from ..mapping import LogMapping
-
 
 _REFUSED = "links, data in other files and complex numbers are not read: save plain real arrays"
 _TEXT = "not numbers"

@@ -7,14 +7,14 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from pamid.errors import DuplicateColumnError, HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
 
 from . import Format, RawTable
 from ._lists import unfolded
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 
@@ -71,8 +71,6 @@ def _of_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _frame(entries: Any, path: Path) -> pd.DataFrame:
-    import pandas as pd
-
     try:
         return pd.DataFrame(entries)
     except (ValueError, TypeError, OverflowError) as error:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from pamid.errors import ColumnTypeError, HostileLogError
 
 from . import Format, RawTable
@@ -12,8 +14,6 @@ from ._mat5 import Variable, contents, load
 from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 

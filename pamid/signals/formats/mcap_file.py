@@ -6,6 +6,8 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from pamid.errors import MissingDependencyError, needs
 
 from . import Format, RawTable
@@ -13,8 +15,6 @@ from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 _MARK = b"\x89MCAP0\r\n"

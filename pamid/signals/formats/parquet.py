@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from pamid.errors import HostileLogError
 
 from . import Format, RawTable, flat_columns
@@ -12,8 +14,6 @@ from ._foreign import whole_file
 from ._lists import unfolded
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import pandas as pd
+
 from pamid.errors import LogFormatError, needs
 
 from . import Format, RawTable
@@ -12,8 +14,6 @@ from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 _MARKS = b"#ROSBAG V2.0", b"SQLite format 3\0"

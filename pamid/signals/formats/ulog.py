@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import needs
 
@@ -16,8 +17,6 @@ from ._foreign import foreign_reader
 from ._topics import joined
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..mapping import LogMapping
 
 _MARK = b"ULog\x01\x12\x35"
