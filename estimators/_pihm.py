@@ -1,7 +1,5 @@
 """The hybrid models in common: a volume network, one or two laws that read it, and a trainer."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar, Self
 
 import numpy as np

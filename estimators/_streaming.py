@@ -1,7 +1,5 @@
 """``partial_fit`` of estimators that are not linear in their parameters: a bounded memory, and the fit to it."""
 
-from __future__ import annotations
-
 import inspect
 import warnings
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Where a model and measured data part, which unmodelled effect is the cause, and how far the gap closes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Self

@@ -1,7 +1,5 @@
 """A geometric force and a small network for what it leaves: the plain way to a hybrid model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """One way in for every simulator: read it, diagnose its gap, go on with further logs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 

@@ -4,8 +4,6 @@ Each class also derives from the builtin that a scikit-learn user expects (``Val
 so ``except ValueError`` keeps working and the command line can turn any `PamidError` into one clear line.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 

@@ -6,8 +6,6 @@ never runs code from the file: every type it names is checked against a closed l
 was built is checked again, attribute by attribute, before it is given out.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile

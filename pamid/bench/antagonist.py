@@ -1,7 +1,5 @@
 """The antagonistic bench as a right-hand side: one joint, two muscles, many runs side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -10,8 +10,6 @@ Three balances are exact consequences of the nominal equations, so what they lea
   \int b_q\dot q^2\,\mathrm{d}t`: the work of the gas is what the joint keeps and what friction takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The digital controller of the bench: PD on the angle, pressure loops below it, both muscles always taut."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

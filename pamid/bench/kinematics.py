@@ -1,7 +1,5 @@
 """From the log of a bench to one row per muscle and sample."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -4,8 +4,6 @@ The same formulas stand, one by one, in `pamid.laws`; here they are fused over a
 that are allocated once, because the time of a simulation goes into calls rather than into numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ parameter is known) and any number of ``[[effects]]`` (physics beyond the nomina
 therefore a file of the same format.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Run the bench: all runs of one length together, control period by control period."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Read and write simulator files: TOML in, a checked `BenchParameters` out, and back."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path

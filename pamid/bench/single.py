@@ -1,7 +1,5 @@
 """One muscle that lifts a load under PID pressure control: the bench of the inverse model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

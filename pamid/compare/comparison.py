@@ -1,7 +1,5 @@
 """What a comparison found: one row an estimator, their held-out predictions, and the fitted estimators of one fold."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

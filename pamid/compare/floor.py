@@ -1,7 +1,5 @@
 """What the sensors' own noise would leave of a perfect model's error."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

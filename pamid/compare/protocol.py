@@ -1,7 +1,5 @@
 """The common ground of a comparison: rates by run, the target, folds of whole runs, and the rows of a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """When, within a sampling period, a logged flow flows."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """Diagnose the gap between a simulator and a log of its bench."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

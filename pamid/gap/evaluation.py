@@ -1,7 +1,5 @@
 """The error of a simulator on a log, beside the noise of the sensors."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 

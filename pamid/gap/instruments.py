@@ -21,8 +21,6 @@ W. K. Newey, K. D. West, "A simple, positive semi-definite, heteroskedasticity a
 matrix", Econometrica 55(3), 1987. https://doi.org/10.2307/1913610
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 

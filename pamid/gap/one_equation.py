@@ -1,7 +1,5 @@
 """One equation of any actuator against a model: its signals on a log, and their evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 

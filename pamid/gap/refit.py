@@ -1,7 +1,5 @@
 """Refit the parameters of a simulator within their tolerances, as a diagnosis does: the rest is a gap."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What a log says of a simulator's numbers beside its effects: values, errors, directions that it leaves open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple

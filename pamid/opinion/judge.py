@@ -1,7 +1,5 @@
 """A second opinion: which fitted numbers hold, which took up physics that is missing, which this log cannot tell."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

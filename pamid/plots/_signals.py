@@ -1,7 +1,5 @@
 """What a plot reads of a user's table: columns, runs, units on axes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """From a table as it is in a file to a tidy frame: the mapping is applied here."""
 
-from __future__ import annotations
-
 import difflib
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What the columns of an unknown log probably are: signals by their names, units by names and ranges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any

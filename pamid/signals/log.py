@@ -1,7 +1,5 @@
 """Reading a log of any format into one tidy frame: run, time, signals in SI."""
 
-from __future__ import annotations
-
 import csv
 import difflib
 import io

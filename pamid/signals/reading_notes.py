@@ -1,7 +1,5 @@
 """Findings in the readings of a log as text: how often, where first, and what is done about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import NamedTuple
 

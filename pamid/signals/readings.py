@@ -3,8 +3,6 @@
 All commands share this check: it runs while a log is read, on signals in SI.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeAlias

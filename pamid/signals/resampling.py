@@ -1,7 +1,5 @@
 """Resampling of logs to equal steps, and of logs with different rates to one rate, without aliasing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Dates and times of day, as people and programs write them, converted to seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

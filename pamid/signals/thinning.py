@@ -1,7 +1,5 @@
 """Thinning of logs: every k-th row, or a maximum number of rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

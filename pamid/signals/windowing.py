@@ -1,7 +1,5 @@
 """Means and end-to-end differences over windows of time, which satisfy balances exactly."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """One channel of a log: range, noise, steps, missing, frozen and clipped readings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """How far a log excites what it records: ranges, speeds, directions, holds, bandwidth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 

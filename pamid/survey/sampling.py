@@ -1,7 +1,5 @@
 """How a log is sampled: runs, rate, jitter, gaps, repeats."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
 

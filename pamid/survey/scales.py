@@ -1,7 +1,5 @@
 """Whether forces, flows and pressures of a log are consistent: the piston and the volume that they imply."""
 
-from __future__ import annotations
-
 import re
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The nominal equation of a system with the effects that its simulator file adds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A pneumatic cylinder: force against pressure times area."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The first draft of a mapping and a simulator file for a log that nobody has described yet."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A driven joint with a lever: its drive against inertia and gravity."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
 from typing import Any
 

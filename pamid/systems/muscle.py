@@ -1,7 +1,5 @@
 """A single muscle: force, or flow, against its geometry."""
 
-from __future__ import annotations
-
 import numpy as np
 import pandas as pd
 

@@ -1,7 +1,5 @@
 """The tables of raw logs before anything is known of them, and the runs that their clocks and variables show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Whether a pressure is gauge or absolute, by the force that it makes; whether force, pressure and size agree."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

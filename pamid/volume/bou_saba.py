@@ -1,7 +1,5 @@
 """Braided cylinder with a free power of the stretch: a form of our own in the spirit of Bou Saba and coworkers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

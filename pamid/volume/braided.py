@@ -1,7 +1,5 @@
 """Cylinder in an inextensible double-helix braid: Chou and Hannaford."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """Polynomial effective area −dV/dL: Hildebrandt and coworkers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """Braided cylinder with conical ends and braid friction: Tondu and Lopez."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """``pamid present``: a saved model as a page of text: what it is, its parameters with errors, its fit, its poles."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

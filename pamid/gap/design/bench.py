@@ -1,7 +1,5 @@
 """The bench as a rig: its runs are simulated under its controller, with the noise of its own sensors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The run that would confirm the finding of a monitor."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

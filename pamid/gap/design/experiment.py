@@ -1,7 +1,5 @@
 """The run that a diagnosis itself proposes: for a bench from a short list, for an equation within the log's range."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

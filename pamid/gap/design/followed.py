@@ -10,8 +10,6 @@ supply:
 which is linear in f, k_p, k_d and c; a prior about the simulator's own gains fixes what slow runs leave open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The plan of the next runs: inputs, expected results, and the meaning of each outcome."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Simulators with ports and equations as rigs: inputs within their limits, readings near the logs, changed numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property

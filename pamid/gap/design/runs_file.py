@@ -1,7 +1,5 @@
 """The file of designed runs: one TOML table per run, for ``pamid simulate --runs``."""
 
-from __future__ import annotations
-
 import json
 import tomllib
 from collections.abc import Mapping, Sequence

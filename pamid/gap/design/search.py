@@ -1,7 +1,5 @@
 """The planner: search the runs of a rig for those that best tell what a diagnosis left undecided."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Assemble the diagnosis: where the gap lies, its causes, how far it shrinks, what to record next."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any

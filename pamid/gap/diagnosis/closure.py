@@ -1,7 +1,5 @@
 """How far a gap shrinks: held-out runs, the share of what is explainable, and intervals over runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 from math import factorial

@@ -1,7 +1,5 @@
 """Where a gap lies: in which equations, regions of the state, bands of frequency and runs."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The noise of a target, the predictable share of a residual, the sign of effects: known before any name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 

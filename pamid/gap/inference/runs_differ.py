@@ -7,8 +7,6 @@ With the best template of each effect cut at a border between two runs, so that 
 for the best set S whose sizes all runs share.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

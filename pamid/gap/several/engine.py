@@ -1,7 +1,5 @@
 """Diagnose several logs of one bench together: causes are shared unless the logs say that one came or went."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Go on from an earlier diagnosis with further logs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any
 

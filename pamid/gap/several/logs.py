@@ -1,7 +1,5 @@
 """Diagnose one log or several, with a simulator of any kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Diagnose several logs of any simulator with ports together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 

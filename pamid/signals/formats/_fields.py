@@ -1,7 +1,5 @@
 """Whether every row of a text table has as many fields as its header: none is dropped or invented."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator

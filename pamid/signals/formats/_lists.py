@@ -1,7 +1,5 @@
 """Columns whose cells are lists, such as all joints of a robot: each element becomes a column."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
