@@ -5,11 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..errors import ReadingWarning, ShortTrajectoryError, UnitWarning
 from ..signals.frames import as_pandas
 from .allowed import allowed_equations, residuals, without_windows
@@ -17,9 +18,6 @@ from .base import Equation, Residual
 from .log import BenchLog
 from .unit_doubts import unit_doubts
 from .windows import WINDOW
-
-if TYPE_CHECKING:
-    from ..bench.parameters import BenchParameters
 
 _WORST = 3  # windows that one wrong reading falls into, with derivatives
 _ENOUGH = 30  # windows from which on three are few

@@ -6,21 +6,17 @@ four samples about a row, a valve's command and flow, which jump, by the sample 
 the noise of the samples leaves in any weighted sum over the rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..effects import Signals
 from ..remembered import Remembered
 from ..signals.paths import Path
 from .noise import ChannelNoise, roughness
 from .windows import WINDOW, Bridge, Windows, samples_per_window
-
-if TYPE_CHECKING:
-    from ..effects import Signals
 
 BRIDGED = 2 * WINDOW
 """Longest time between two samples that a stretch goes on over, s: no motion that windows resolve hides in it."""

@@ -10,20 +10,16 @@ more noise than the difference of two means. All equations share one grid of win
 neighbours overlap.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..remembered import Remembered
 from .noise import ChannelNoise
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_array
 
 WINDOW = 0.02
 """Width of a window, s."""

@@ -1,22 +1,18 @@
 """The gas volume that an estimator has identified, and its slope, over the contraction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..errors import ExcitationError, IncompatibleError, MissingColumnError
 from ..requirements import WithVolume
 from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _POINTS = 81
 _LEAST = 5e-3  # contraction over which a volume is drawn at least

@@ -1,12 +1,12 @@
 """A diagnosis in sentences, one for each of where, which and how far; command line, page and display share them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
+from ..gap.diagnosis.result import Diagnosis
 from .causes import cause_names, causes_listed, either, size
 from .doubts import question
 from .quantities import (
@@ -23,10 +23,6 @@ from .quantities import (
 )
 from .when import when
 from .words import BENCH, Words
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
-    from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
 _CONCENTRATED = 1.5  # a region is worth a word if it holds this many times its share of the samples

@@ -5,14 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from ..gap.diagnosis.result import Diagnosis
 from ..plots.style import SHOWN
 from ..simulators.dimensions import unit_powers
 from .quantities import SIGNALS, DisplayedQuantity
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.result import Diagnosis
 
 RESIDUALS = {
     "force": "force error",

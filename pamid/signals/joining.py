@@ -1,25 +1,21 @@
 """Commands and readings in separate files, each with its own time stamps, joined by time to one run."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..errors import LogError, MissingColumnError, TimeOrderError
 from .formats import TRAJECTORY, RawTable, format_of
+from .mapping import LogMapping
 from .robots import own_clock
 from .unit_names import find_unit
 from .vocabulary import kinds_of
-
-if TYPE_CHECKING:
-    from .mapping import LogMapping
 
 _TABLES = ("text (CSV)", "parquet")
 _COMMANDS = frozenset(("action", "control", "controls", "ctrl"))

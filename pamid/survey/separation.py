@@ -1,19 +1,15 @@
 """Which effects of the library a log of the bench would show, and which it could not distinguish, by its simulator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..bench.parameters import BenchParameters
 from ..effects import all_effects
 from ..effects.registry import chosen_effects
-
-if TYPE_CHECKING:
-    from ..bench.parameters import BenchParameters
-    from ..equations.log import BenchLog
-    from ..gap.residuals.bench import Evidence
+from ..equations.log import BenchLog
+from ..gap.residuals.bench import Evidence
 
 SEEN = 5.0
 """Standard deviations of the noise that an effect must stand out by."""

@@ -1,16 +1,10 @@
 """The windows of one equation, in the shape that pictures need."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
 from ...errors import UnknownOptionError
-
-if TYPE_CHECKING:
-    from ...gap.diagnosis.result import Diagnosis
+from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 400_000  # windows of a map; more change no cell's mean visibly
 

@@ -1,16 +1,12 @@
 """The parameters of the causes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from ...gap.diagnosis.findings import Cause, ParameterEstimate
 from ..causes import named, shown_unit
 from ..quantities import amount, amount_within, parameter, percent_within, places, share_span, span
 from .base import Section
-
-if TYPE_CHECKING:
-    from ...gap.diagnosis.findings import Cause, ParameterEstimate
 
 
 class ParametersSection(Section):

@@ -1,22 +1,18 @@
 """From the messages of a robot's topics, each with its own times, to one table."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from pamid.errors import EmptyLogError, HostileLogError
 
+from ..mapping import LogMapping
 from . import RawTable
 from ._lists import LONGEST
-
-if TYPE_CHECKING:
-    from ..mapping import LogMapping
 
 _NUMBERED = re.compile(r"^(.*)\[(\d+)\]$")
 _DEEPEST = 6

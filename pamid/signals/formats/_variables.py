@@ -1,23 +1,19 @@
 """From the variables of a MATLAB or HDF5 file to tables: which are runs, and which form one table."""
 
-from __future__ import annotations
-
 import fnmatch
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from pamid.errors import HostileLogError, MappingError, MissingColumnError
 
+from ..mapping import LogMapping
 from . import RawTable
 from ._lists import LONGEST
-
-if TYPE_CHECKING:
-    from ..mapping import LogMapping
 
 MAX_FOLD = 1_100
 """Largest ratio of decompressed to stored bytes that zlib can reach; a file declaring more is hostile or damaged."""

@@ -1,25 +1,21 @@
 """Text tables: fields separated by commas, semicolons, tabs or blanks; with or without header; point or comma."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pandas as pd
 
 from pamid.errors import ColumnTypeError, EmptyLogError, HostileLogError, LogFormatError
 
+from ..mapping import LogMapping
 from . import Format, RawTable, is_measured, names_column
 from ._encoding import encoding_by
 from ._fields import require_fields
 from ._layout import MISSING, Layout, layout_of
 from ._lists import unfolded
-
-if TYPE_CHECKING:
-    from ..mapping import LogMapping
 
 _BLANK = r"\s+"
 _NO_NUMBER = (
