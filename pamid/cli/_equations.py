@@ -1,16 +1,15 @@
 """A simulator file for somebody's own equations, with the mapping of the log that they are compared with."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from ..errors import MissingColumnError, ParameterError
-
-if TYPE_CHECKING:
-    from ..simulators import ModelParameter, Simulator
-    from ..systems.draft import Draft
+from ..signals.unit_names import find_unit, parse_quantity
+from ..signals.units import SI_UNITS, UNITS, dimension_of
+from ..simulators import EquationSimulator, ModelParameter, Port, Simulator, page_text
+from ..simulators.equation_model import names_in, sides
+from ..systems.base import Input
+from ..systems.draft import Draft
 
 _TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
 
@@ -34,9 +33,6 @@ def split_equations(texts: list[str]) -> dict[str, str]:
 
 def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
     """Give a draft the signals of equations: states, outputs, and what right sides name beside numbers."""
-    from ..simulators.equation_model import names_in, sides
-    from ..systems.base import Input
-
     rates, outputs = sides(equations)
     named = set().union(*(names_in(text) for text in equations.values())) - {"t"}
     if surplus := sorted(set(numbers) - named - set(rates)):
@@ -54,9 +50,6 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
 
 def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> Simulator:
     """Give a draft the columns of its signals and the simulator file of equations; return what it says."""
-    from ..simulators import page_text
-    from ..simulators.equation_model import sides
-
     rates, outputs = sides(equations)
     starts = {name: text for name, text in numbers.items() if name in rates}
     numbers = {name: text for name, text in numbers.items() if name not in rates}
@@ -94,8 +87,6 @@ def _simulator(
     draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]
 ) -> Simulator:
     """Return the simulator of equations; a number of a state is where it starts."""
-    from ..simulators import EquationSimulator, Port
-
     given = {name: _number(name, text) for name, text in starts.items()}
     ports = [
         Port(p.name, p.meaning, p.unit or (given[p.name].unit if p.name in given else "-"),
@@ -107,19 +98,12 @@ def _simulator(
 
 def _unit_of(draft: Draft, name: str) -> str:
     """Return the SI unit of a signal's column."""
-    from ..signals.unit_names import find_unit
-    from ..signals.units import SI_UNITS
-
     column = draft.of(name)
     return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else ""
 
 
 def _number(name: str, text: str) -> ModelParameter:
     """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
-    from ..signals.unit_names import parse_quantity
-    from ..signals.units import SI_UNITS, UNITS, dimension_of
-    from ..simulators import ModelParameter
-
     found = _TOLERANCE.match(text)
     value, tolerance = (found["value"], float(found["percent"]) / 100.0) if found else (text, 0.0)
     number = _NUMBER.match(value)
