@@ -43,9 +43,7 @@ def explain(cls: type) -> None:
     doc.take("Parameters", bases, list(inspect.signature(cls).parameters.values()))
     doc.take("Attributes", bases)
     for section in ("See Also", "References"):
-        told = [base.sections[section] for base in (doc, *bases) if section in base.sections]
-        if told:
-            doc.sections[section] = told[0]
+        doc.take_whole(section, bases)
     cls.__doc__ = str(doc)
 
 
@@ -62,18 +60,19 @@ def explain_methods(cls: type, common: type) -> None:
         doc = Docstring(function.__doc__)
         wanted = list(inspect.signature(function).parameters.values())[1:]
         doc.take("Parameters", [*same, own, *shared, every], wanted)
-        told = [d.sections["Returns"] for d in (*same, *shared) if "Returns" in d.sections]
-        if "Returns" not in doc.sections and told:
-            doc.sections["Returns"] = told[0]
+        doc.take_whole("Returns", [*same, *shared])
         function.__doc__ = str(doc)
 
 
 def explained_by(*others: Any) -> Callable[[F], F]:
-    """Make other functions, or classes, explain the parameters that the docstring of a function leaves out."""
+    """Make other functions, or classes, explain what the docstring of a function leaves out."""
 
     def explained(function: F) -> F:
         doc, wanted = Docstring(function.__doc__), list(inspect.signature(function).parameters.values())
-        doc.take("Parameters", [Docstring(other.__doc__) for other in others], wanted)
+        docs = [Docstring(other.__doc__) for other in others]
+        doc.take("Parameters", docs, wanted)
+        for section in ("Returns", "References"):
+            doc.take_whole(section, docs)
         function.__doc__ = str(doc)
         return function
 
@@ -112,6 +111,12 @@ class Docstring:
         known = {entry.partition("\n")[2] for entry in other.entries(section)}
         left = [entry for entry in self.entries(section) if entry.partition("\n")[2] not in known]
         self.sections[section] = "\n".join(left)
+
+    def take_whole(self, section: str, others: Sequence[Docstring]) -> None:
+        """Add a section that is missing here as the first of others has it."""
+        for other in others:
+            if section not in self.sections and section in other.sections:
+                self.sections[section] = other.sections[section]
 
     def take(
         self, section: str, others: Sequence[Docstring], wanted: Sequence[inspect.Parameter] | None = None
