@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ..simulators.base import Simulator
 from .design.experiment import next_for_equation
@@ -79,8 +80,6 @@ def diagnose_evidence(
     change: float | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
     """Return the diagnosis of a log's evidence, and the residual of a learner on it."""
-    from threadpoolctl import threadpool_limits
-
     left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator

@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ..bench.parameters import BenchParameters
 from ..effects.registry import chosen_effects
@@ -85,8 +86,6 @@ def explain(
     `change`, runs that disagree about an effect raise `RunsDifferError`. `heed` is told the best set of effects, and
     may raise where this evidence cannot judge it.
     """
-    from threadpoolctl import threadpool_limits
-
     if not evidence.equations:
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...bench.parameters import BenchParameters
 from ...errors import ExcitationError
@@ -70,8 +71,6 @@ def plan_next(
 
     The limits and further options are those of `pamid.gap.design.bench.bench_rig` or `pamid.gap.design.ports.port_rig`.
     """
-    from threadpoolctl import threadpool_limits
-
     say = progress or (lambda _: None)
     with threadpool_limits(1):
         say("read the logs")

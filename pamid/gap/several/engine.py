@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...bench.parameters import BenchParameters
 from ...effects import Effect
@@ -40,8 +41,6 @@ def diagnose_bench_logs(
     say: Callable[[str], None],
 ) -> Diagnosis:
     """Diagnose several logs of one bench together."""
-    from threadpoolctl import threadpool_limits
-
     library = chosen_effects(effects, "bench")
     names = list(logs)
     held = conditions_of(names, conditions)
@@ -86,8 +85,6 @@ def together(
     close: Sequence[str] = (),
 ) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
     """Return the joint diagnosis of logs, each log's parameters, the decision if any, and the stacked evidence."""
-    from threadpoolctl import threadpool_limits
-
     names, _, days = zip(*logs, strict=True)
     variants = Variants(library, effects, names, days)
     stack = StackedEvidence(logs, variants)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...errors import IncompatibleError
 from ...simulators.base import Simulator
@@ -31,8 +32,6 @@ def diagnose_port_logs(
     say: Callable[[str], None],
 ) -> Diagnosis:
     """Diagnose several logs of one simulator with ports together."""
-    from threadpoolctl import threadpool_limits
-
     refuse_twice(logs)
     names, held = list(logs), conditions_of(list(logs), conditions)
     each = _evidence(logs, simulator, held)
