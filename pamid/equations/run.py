@@ -254,8 +254,6 @@ class Run:
         return self.signals.get(key, lambda: self._made_signals(effect))
 
     def _made_signals(self, effect: Effect) -> Signals:
-        from ..effects import Signals
-
         roles = set(effect.roles)
         joint = effect.site == "joint"
         position = self.q[:, None] if joint else self.eps

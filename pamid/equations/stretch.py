@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..effects import Signals
 from ..remembered import Remembered
@@ -167,8 +168,6 @@ def _clock(time: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray | None]:
 # --- columns ------------------------------------------------------------------------------------------------
 def _bridge(at: np.ndarray, x: np.ndarray, n_rows: int, channel: str, n: int) -> tuple[np.ndarray, Bridge]:
     """Return a column on equal steps from its samples at places ``at``, in steps."""
-    from scipy.sparse import csr_array
-
     rows = np.arange(n_rows, dtype=float)
     after = np.clip(np.searchsorted(at, rows - 1e-9), 1, len(at) - 1)
     width = at[after] - at[after - 1]

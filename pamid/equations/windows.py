@@ -163,8 +163,6 @@ class Windows:
     def _sparse_covariances(
         self, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
     ) -> np.ndarray:
-        from scipy.sparse import csr_array
-
         m, length = len(self.first), len(weights)
         begin = self.first - (length - span(self.n, self.order) - self.order + 1) // 2
         rows = np.clip(begin[:, None] + np.arange(length), 0, self.n_rows - 1)

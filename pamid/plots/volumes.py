@@ -6,6 +6,7 @@ from typing import Any, Self
 
 import numpy as np
 import pandas as pd
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -150,8 +151,6 @@ class VolumeDisplay:
         return self
 
     def _draw(self, ax: Axes, slope: bool) -> None:
-        from matplotlib import colormaps
-
         values = self.V_eps if slope else self.V
         for name, (V, V_eps) in self.geometry.items():
             dash = (0, (1, 2)) if name == "cylinder" else (0, (4, 3))

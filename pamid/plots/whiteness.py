@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from ..compare.whiteness import ResidualTest
+from ..compare.whiteness import ResidualTest, residual_test
 from .style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 
 
@@ -97,8 +97,6 @@ class ResidualTestDisplay:
         ResidualTestDisplay
             To be drawn with ``plot``.
         """
-        from ..compare.whiteness import residual_test
-
         error = np.asarray(y, dtype=float) - np.asarray(predicted, dtype=float)
         return cls(residual_test(error, dict(inputs), groups, lags=lags, interval=interval))
 

@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..explained import explained_by
 from ..files import write_whole
@@ -105,8 +105,6 @@ def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None =
 @cache
 def environment(templates: Path = _TEMPLATES) -> Environment:
     """Return the templates of a folder, which escape all text."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     made = Environment(
         loader=FileSystemLoader(templates),
         autoescape=True,

@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
+from ..equations import all_equations
 from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
 from ..gap.diagnosis.result import Diagnosis
 from .causes import cause_names, causes_listed, either, size
@@ -204,8 +205,6 @@ def _event_text(d: Diagnosis) -> str:
 
 def _left_out(d: Diagnosis) -> str:
     """Return which equations were not tested, and why."""
-    from ..equations import all_equations
-
     known = all_equations()
     tested = [known[e.equation] for e in d.equations if e.equation in known]
     together = [e for e in tested if set(e.combines) & set(d.not_tested)]
@@ -410,8 +409,6 @@ def _unseen(d: Diagnosis) -> str:
 
 def _errors(d: Diagnosis) -> str:
     """Return the errors of the first equations beside their noise."""
-    from ..equations import all_equations
-
     lines, known = [], all_equations()
     for finding in d.equations[:2]:
         part = d.windows[d.windows["equation"] == finding.equation]

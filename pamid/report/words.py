@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from ..equations import all_equations
 from ..gap.diagnosis.result import Diagnosis
 from ..plots.style import SHOWN
 from ..simulators.dimensions import unit_powers
@@ -62,8 +63,6 @@ class Words(NamedTuple):
 
     def equation(self, name: str) -> str:
         """Return the title of an equation: the bench's own, or the quantity that a port's balances."""
-        from ..equations import all_equations
-
         known = all_equations()
         if not self.is_at_ports(name):
             return known[name].title() if name in known else name

@@ -116,8 +116,6 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     >>> found.sampling.runs, round(found.sampling.rate), found.coverage.position
     (1, 1000, 'q')
     """
-    from ..systems import System
-
     log = as_pandas(log)
     if not len(log):
         raise EmptyLogError("The log has no rows.", "at least one run", "Check how it was written.")

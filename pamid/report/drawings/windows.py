@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 
+from ...equations import all_equations
 from ...errors import UnknownOptionError
 from ...gap.diagnosis.result import Diagnosis
 
@@ -38,8 +39,6 @@ def main_equation(d: Diagnosis) -> str:
 
 def unit_of(d: Diagnosis, equation: str) -> str:
     """Return the SI unit of an equation's residual."""
-    from ...equations import all_equations
-
     units = {e.equation: e.unit for e in d.equations} | {c.equation: c.unit for c in d.closure if c.unit}
     stated = units.get(equation, "")
     known = all_equations()

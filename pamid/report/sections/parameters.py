@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
+from ...bench.parameters import UNITS
 from ...gap.diagnosis.findings import Cause, ParameterEstimate
 from ..causes import named, shown_unit
 from ..quantities import amount, amount_within, parameter, percent_within, places, share_span, span
@@ -27,8 +28,6 @@ class ParametersSection(Section):
 
     def content(self) -> dict[str, Any]:
         """Return the tables."""
-        from ...bench.parameters import UNITS
-
         d = self.diagnosis
         causes = [
             {

@@ -10,13 +10,13 @@ import pandas as pd
 
 from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
     import h5py
 
-    from ..mapping import LogMapping
 
 _REFUSED = "links, data in other files and complex numbers are not read: save plain real arrays"
 _TEXT = "not numbers"
