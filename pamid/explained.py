@@ -6,13 +6,11 @@ function by the functions that ``@explained_by`` names; ``default=`` follows fro
 show the whole.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, Self, TypeVar, dataclass_transform
 
 ORDER = (
     "Parameters", "Attributes", "Methods", "Returns", "Yields", "Raises", "Warns", "Warnings", "See Also", "Notes",
@@ -106,21 +104,19 @@ class Docstring:
         """Return the entries of a section, each with the lines below it."""
         return re.split(r"\n(?=\S)", self.sections[section]) if self.sections.get(section) else []
 
-    def leave_out(self, section: str, other: Docstring) -> None:
+    def leave_out(self, section: str, other: Self) -> None:
         """Remove the entries of a section whose text another docstring has too."""
         known = {entry.partition("\n")[2] for entry in other.entries(section)}
         left = [entry for entry in self.entries(section) if entry.partition("\n")[2] not in known]
         self.sections[section] = "\n".join(left)
 
-    def take_whole(self, section: str, others: Sequence[Docstring]) -> None:
+    def take_whole(self, section: str, others: Sequence[Self]) -> None:
         """Add a section that is missing here as the first of others has it."""
         for other in others:
             if section not in self.sections and section in other.sections:
                 self.sections[section] = other.sections[section]
 
-    def take(
-        self, section: str, others: Sequence[Docstring], wanted: Sequence[inspect.Parameter] | None = None
-    ) -> None:
+    def take(self, section: str, others: Sequence[Self], wanted: Sequence[inspect.Parameter] | None = None) -> None:
         """Add entries of others for what has none here: for the parameters wanted in their order, or for all."""
         own = {name: entry for entry in self.entries(section) for name in _names(entry)}
         known = dict(own)

@@ -1,11 +1,9 @@
 """Hold a log against the equations of a simulator: how large each residual is, and how large its noise."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -172,7 +170,7 @@ class Sums:
         self.measured += float(np.sum(m))
         self.measured_square += float(np.sum(m**2))
 
-    def merge(self, other: Sums) -> None:
+    def merge(self, other: Self) -> None:
         """Add the sums of another."""
         if not other.n or other.origin is None:
             return

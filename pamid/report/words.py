@@ -1,11 +1,9 @@
 """What a diagnosis calls its signals, equations and numbers: a bench's words, or those of a simulator's ports."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from ..equations import all_equations
 from ..gap.diagnosis.result import Diagnosis
@@ -48,7 +46,7 @@ class Words(NamedTuple):
     """The unit of each equation at ports."""
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis) -> Words:
+    def of(cls, diagnosis: Diagnosis) -> Self:
         """Return the words of a diagnosis."""
         simulator = diagnosis.nominal
         if simulator is None or not (ports := simulator.own_ports):

@@ -1,10 +1,8 @@
 """Models of a system's one equation compared with each other on runs that their fits have not seen."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pandas as pd
@@ -121,7 +119,7 @@ def _table(problem: Problem) -> tuple[pd.DataFrame, tuple[str, ...]]:
 class _Nominal(RegressorMixin, BaseEstimator):
     """The last column as it is."""
 
-    def fit(self, X: Any, y: Any) -> _Nominal:
+    def fit(self, X: Any, y: Any) -> Self:
         self.n_parameters_ = 0
         return self
 
