@@ -117,3 +117,6 @@ def _warn_of_idle(evidence: PortEvidence) -> None:
                 SimulatorWarning,
                 stacklevel=3,
             )
+
+
+evaluate_simulator = evaluate

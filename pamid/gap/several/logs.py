@@ -134,3 +134,6 @@ def diagnose(
     if isinstance(given, Mapping):
         return diagnose_bench_logs(given, simulator, effects, conditions, seed, say)
     return diagnose_bench(given, simulator, effects, seed, say)
+
+
+diagnose_simulator = diagnose
