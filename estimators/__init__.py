@@ -3,8 +3,6 @@
 Every public class is an attribute of this package (``pamid.estimators.MLP``) and is imported when first asked for.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from pamid._lazy import renamed

@@ -1,7 +1,5 @@
 """Adaptation of a fitted hybrid model to another muscle: what all adapters share."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self

@@ -1,7 +1,5 @@
 """What all estimators share: reading named signals from a table, runs, and scikit-learn's contract."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from math import isfinite

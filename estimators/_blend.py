@@ -1,7 +1,5 @@
 """Whether a source helps at all, and how much of it an adaptation keeps: measured on runs left out."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Checks of parameters that many estimators share, worded alike."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from typing import Any

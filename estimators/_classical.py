@@ -1,7 +1,5 @@
 """What the classical estimators share: named parameters, signals in, a law over a fitted volume model, a volume out."""
 
-from __future__ import annotations
-
 import warnings
 from abc import abstractmethod
 from collections.abc import Mapping

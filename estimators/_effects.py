@@ -7,6 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pamid.effects import Effect, make_effect
 from pamid.effects._terms import Terms, WholeLog, acts_on, fit_effects, restored, terms_of
@@ -76,8 +77,6 @@ def whole_log(model: SignalEstimator, X: np.ndarray) -> WholeLog:
             "a DataFrame whose column 'trajectory' names each row's run, rows in order of time",
             "Add the column.",
         )
-    import pandas as pd
-
     codes = trajectory_codes(pd.DataFrame({TRAJECTORY: X[:, names.index(TRAJECTORY)]}), None, needed_by="A memory")
     starts = np.concatenate([[0], np.flatnonzero(np.diff(np.asarray(codes))) + 1])
     time = X[:, model.signal_columns_["time"]]

@@ -1,7 +1,5 @@
 """Force models with a closed formula of few parameters, most of them linear: their fit and what they say of it."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self

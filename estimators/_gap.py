@@ -9,6 +9,7 @@ from html import escape
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import column_or_1d
 
@@ -20,8 +21,6 @@ from pamid.signals.state import ROLES
 from ._trajectories import has_trajectory_column
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from pamid.gap import Diagnosis
     from pamid.simulators import Simulator
 

@@ -1,7 +1,5 @@
 """A named volume model whose parameters are fitted by bounded nonlinear least squares, whatever the law."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, field, fields, replace

@@ -1,7 +1,5 @@
 """What a hybrid model is made of: its parameters, its laws, what a fit leaves."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field

@@ -1,7 +1,5 @@
 """A force model inside another estimator: the one given or a default, and the table that it reads."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The laws that read a volume, as parts of an estimator, and what models of several laws share."""
 
-from __future__ import annotations
-
 import warnings
 from abc import abstractmethod
 from dataclasses import KW_ONLY

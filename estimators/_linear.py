@@ -1,7 +1,5 @@
 """Fits that are linear in their coefficients, at once or in batches: sums of terms, laws over a polynomial volume."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any, ClassVar, NamedTuple, Self
 

@@ -1,7 +1,5 @@
 """What autoregressive models with inputs share: lags within runs, one step ahead, free runs, and the fit to both."""
 
-from __future__ import annotations
-
 import warnings
 from abc import abstractmethod
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Networks of one hidden layer: their fit, and where `InverseModel` and `ForwardModel` had data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, field
 from typing import Any, ClassVar, Self

@@ -1,7 +1,5 @@
 """What all estimators have in common: entries of docstrings, data frames of other libraries, requests for runs."""
 
-from __future__ import annotations
-
 import inspect
 from collections.abc import Callable
 from functools import wraps

@@ -1,10 +1,9 @@
 """The hybrid models in common: a volume network, one or two laws that read it, and a trainer."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from sklearn.base import clone
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
 
@@ -153,8 +152,6 @@ class HybridModel(LawModel, HybridParameters):
         return super()._partial_fit_rows(X, y, sample_weight, groups)
 
     def _trainer(self) -> Any:
-        from sklearn.base import clone
-
         from pamid.training import trainer_named
 
         return overridden(clone(trainer_named(self.trainer)), self, "max_iter", "batch_size", "weight_decay")

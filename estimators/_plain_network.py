@@ -1,7 +1,5 @@
 """What networks without physics have in common: signals to read, early stopping, scales, and settings to compare."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any

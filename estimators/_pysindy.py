@@ -5,8 +5,6 @@ numpy arrays alone. Its own estimators fail while metadata routing is on (2.1.0 
 call runs with routing off.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from typing import Any

@@ -4,8 +4,6 @@ A module whose name has no leading underscore is public, and so is a class defin
 names are read from the source without running it: asking for one estimator imports its module alone.
 """
 
-from __future__ import annotations
-
 import ast
 import importlib
 import importlib.util

@@ -1,7 +1,5 @@
 """What estimators with a memory share: which rows form a run, and the last direction of a motion within each."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import KW_ONLY, field
 from typing import Any

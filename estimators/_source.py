@@ -1,7 +1,5 @@
 """The fitted model that an adaptation starts from, however it is handed over."""
 
-from __future__ import annotations
-
 from typing import Any, cast
 
 import numpy as np

@@ -5,8 +5,6 @@ means the same for a pressure of 1e5 Pa and a contraction of 0.1: the part of th
 dropped. Nothing is centred, because that would turn a sparse law of physics into a dense one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, field
 from typing import Any

@@ -1,13 +1,13 @@
 """``partial_fit`` of estimators that are not linear in their parameters: a bounded memory, and the fit to it."""
 
-from __future__ import annotations
-
 import inspect
 import warnings
 from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import pandas as pd
+from sklearn.utils.validation import column_or_1d
 
 from pamid.errors import ExcitationWarning
 from pamid.fitting.stream_memory import Rows, bounded, merged
@@ -104,8 +104,6 @@ class StreamMemory:
         names = getattr(self, "feature_names_in_", None)
         X: Any = rows.X
         if names is not None:
-            import pandas as pd
-
             X = pd.DataFrame(X, columns=names)
             if TRAJECTORY in names:
                 X[TRAJECTORY] = rows.unit
@@ -123,8 +121,6 @@ class StreamMemory:
         return Rows(table.copy(), target.copy(), weight.copy(), unit), codes is not None
 
     def _stream_table(self, X: Any, y: Any) -> tuple[np.ndarray, np.ndarray]:
-        from sklearn.utils.validation import column_or_1d
-
         table, y = self._own._read(X, y, reset=False)
         return table, column_or_1d(y).astype(float)[:, None]
 

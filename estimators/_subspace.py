@@ -1,7 +1,5 @@
 """Subspace identification of linear models over several runs, and their free runs."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,10 +1,8 @@
 """Intervals that hold on a new run: conformal prediction over whole runs."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import KW_ONLY
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from sklearn.base import clone
@@ -103,7 +101,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         tags.regressor_tags.poor_score = get_tags(self.estimator).regressor_tags.poor_score
         return tags
 
-    def fit(self, X: Any, y: Any, groups: Any = None) -> ConformalRegressor:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Fit the regressor, and find its errors on unseen runs.
 
         Parameters
@@ -185,7 +183,7 @@ class ConformalRegressor(TakesFrames, SequenceStreaming, MetaEstimatorMixin, Reg
         return PredictionInterval(middle - self.half_width_, middle + self.half_width_)
 
     @classmethod
-    def _checked_instances(cls) -> list[ConformalRegressor]:
+    def _checked_instances(cls) -> list[Self]:
         from .geometric_force import GeometricForce
 
         inner = GeometricForce("cylinder", signals={"eps": 0, "P": 0})

@@ -1,7 +1,5 @@
 """Force of a pneumatic cylinder: pressure times area, and the friction of its seal."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import KW_ONLY
 from typing import Any, NamedTuple

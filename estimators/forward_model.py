@@ -1,7 +1,5 @@
 """From a pressure and a load to force and contraction at the same time."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from typing import Any, ClassVar, NamedTuple

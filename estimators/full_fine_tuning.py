@@ -1,7 +1,5 @@
 """Full fine-tuning: all parameters of the source's network are trained on the target's data."""
 
-from __future__ import annotations
-
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
 

@@ -1,12 +1,11 @@
 """Where a model and measured data part, which unmodelled effect is the cause, and how far the gap closes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.base import RegressorMixin
 from sklearn.utils import check_random_state
 from sklearn.utils.validation import check_is_fitted, column_or_1d
@@ -260,8 +259,6 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
 
     def _problem(self, table: np.ndarray, y: np.ndarray, groups: np.ndarray, where: Any = None) -> Problem:
         """Return the equation on a table."""
-        import pandas as pd
-
         names = getattr(self, "feature_names_in_", None)
 
         def modelled(X: pd.DataFrame) -> np.ndarray:

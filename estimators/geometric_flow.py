@@ -1,7 +1,5 @@
 """Mass flow into a muscle from its geometry."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from pamid.signals.state import STATE_SIGNALS

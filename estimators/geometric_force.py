@@ -1,7 +1,5 @@
 """Force of a muscle from its geometry."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any

@@ -1,7 +1,5 @@
 """Force of a muscle as a measured static surface within Hill's structure, damping beside it."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 

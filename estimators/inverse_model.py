@@ -1,7 +1,5 @@
 """From a desired force and contraction to the pressure that brings both about."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Sequence
 from dataclasses import KW_ONLY

@@ -1,7 +1,5 @@
 """The inverse of a force model: the pressure at which it gives the desired force."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import KW_ONLY

@@ -1,7 +1,5 @@
 """What drives a joint: inertia, gravity and friction."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One volume for force and flow together."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 import numpy as np

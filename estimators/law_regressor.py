@@ -1,7 +1,5 @@
 """A law as the last step of a pipeline: volume and its derivatives become force or flow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self

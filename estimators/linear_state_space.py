@@ -1,7 +1,5 @@
 """A linear state-space model by subspace identification, its order found from the data."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any, Self
 

@@ -1,9 +1,7 @@
 """Low-rank adaptation: thin matrix products are added to the weights of the source's network."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 from ._adaptation import AdaptedModel
 from ._parameters import parameters
@@ -52,5 +50,5 @@ class LoRA(AdaptedModel):
         return LowRank(tuple(self.ranks))
 
     @classmethod
-    def _checked_instances(cls) -> list[LoRA]:
+    def _checked_instances(cls) -> list[Self]:
         return [cls._tiny(ranks=(1,), max_iter=5)]

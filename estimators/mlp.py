@@ -1,7 +1,5 @@
 """A plain feed-forward network on the muscle's signals: the baseline that knows no physics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """An autoregressive network with inputs: the output from its own past and that of the inputs."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Force of a muscle as that of a spring whose stiffness depends on pressure and stretch."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any
 

@@ -1,10 +1,8 @@
 """A hybrid model that follows its muscle: a Kalman filter over the factor on its volume and parameters of effects."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from sklearn.utils.validation import check_array, check_consistent_length, check_is_fitted, column_or_1d
@@ -135,7 +133,7 @@ class OnlineAdapter(SignalRegressor):
     reads: ClassVar[tuple[str, ...]] = STATE_SIGNALS
 
     # --- fitting ------------------------------------------------------------------------------------------------
-    def fit(self, X: Any, y: Any, groups: Any = None) -> OnlineAdapter:
+    def fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Find reference, noise and calibration of the alarm on a healthy stretch.
 
         Parameters
@@ -186,7 +184,7 @@ class OnlineAdapter(SignalRegressor):
         self.effect_state_: list[dict[str, Any]] = [{} for _ in streamed]
         return self
 
-    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> OnlineAdapter:
+    def partial_fit(self, X: Any, y: Any, groups: Any = None) -> Self:
         """Follow the next samples; the first call of all is a `fit`.
 
         Parameters
@@ -362,7 +360,7 @@ class OnlineAdapter(SignalRegressor):
                 raise ParameterError(f"{name}={value!r}.", "a number above 0", "Correct it.")
 
     @classmethod
-    def _checked_instances(cls) -> list[OnlineAdapter]:
+    def _checked_instances(cls) -> list[Self]:
         one = dict.fromkeys(STATE_SIGNALS, 0)
         return [cls(tiny_source(), signals=one)]
 

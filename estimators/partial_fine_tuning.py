@@ -1,7 +1,5 @@
 """Partial fine-tuning: some layers of the source's network are trained on the target's data."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

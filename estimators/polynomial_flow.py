@@ -1,7 +1,5 @@
 """Mass flow into a muscle whose volume is a polynomial."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 from pamid.signals.state import STATE_SIGNALS, State

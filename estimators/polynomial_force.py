@@ -1,7 +1,5 @@
 """Force of a muscle as a polynomial."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 

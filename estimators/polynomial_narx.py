@@ -1,7 +1,5 @@
 """A polynomial autoregressive model with inputs, its terms chosen one by one."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from itertools import combinations_with_replacement
 

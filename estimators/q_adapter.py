@@ -1,10 +1,8 @@
 """The Q-adapter: a factor on the volume, from the muscles' geometry and the data, over any other adapter."""
 
-from __future__ import annotations
-
 import warnings
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -201,7 +199,7 @@ class QAdapter(AdaptedModel):
             self.q_ = float(self.psi_[0][0])
 
     @classmethod
-    def _checked_instances(cls) -> list[QAdapter]:
+    def _checked_instances(cls) -> list[Self]:
         return [
             cls._tiny(initial=4.0, max_iter=5),
             cls._tiny(rest_diameter=0.02, base="frozen", max_iter=5),

@@ -1,7 +1,5 @@
 """A recurrent network on runs: the baseline with memory that knows no physics."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar, Self

@@ -1,12 +1,11 @@
 """A geometric force and a small network for what it leaves: the plain way to a hybrid model."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import IncompatibleError
@@ -185,8 +184,6 @@ class ResidualHybrid(Streaming, OneLayerNetwork, ForceInside, SignalRegressor):
         model = self._own_model()
         if isinstance(model, SignalEstimator) and model.signals is None:
             return np.column_stack([self._signal(table, name) for name in self._read_by_model()])
-        import pandas as pd
-
         return pd.DataFrame({name: self._signal(table, name) for name in self._read_by_model()})
 
     @classmethod

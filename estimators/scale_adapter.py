@@ -1,10 +1,8 @@
 """Adaptation by physical scales: length, diameter and dead volume, as far as the data can distinguish them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -257,5 +255,5 @@ class ScaleAdapter(AdaptedModel):
         return len(self.uncertainty_)
 
     @classmethod
-    def _checked_instances(cls) -> list[ScaleAdapter]:
+    def _checked_instances(cls) -> list[Self]:
         return [cls._tiny(), cls._tiny(base="full", max_iter=5)]

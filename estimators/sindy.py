@@ -1,7 +1,5 @@
 """Sparse regression of a force or a flow on a library of terms, by PySINDy."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY

@@ -1,7 +1,5 @@
 """Sparse dynamics from runs, by PySINDy: rates of change, and their simulation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY
 from typing import Any, Self

@@ -1,7 +1,5 @@
 """Static force of a muscle whose tube and braid are one: gas on the braid against the elasticity of the membrane."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any
 

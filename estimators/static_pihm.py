@@ -1,7 +1,5 @@
 """Hybrid model of a muscle's force."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 
 from ._laws import ForceLaw

@@ -1,7 +1,5 @@
 """Hybrid model of the gas flow into a muscle."""
 
-from __future__ import annotations
-
 from ._laws import FlowLaw
 from ._parameters import parameters
 from ._pihm import HybridModel

@@ -1,7 +1,5 @@
 """The three-element model: contractile element, spring and damper in parallel, each a function of the pressure."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar, NamedTuple

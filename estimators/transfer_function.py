@@ -1,7 +1,5 @@
 """A linear transfer function from inputs to an output, fitted to its output error."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import Any, ClassVar
 

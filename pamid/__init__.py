@@ -4,8 +4,6 @@ The names below are the usual way in; each is imported when it is first used, so
 loads none of numpy, pandas, scikit-learn or torch. Estimators are in `pamid.estimators`.
 """
 
-from __future__ import annotations
-
 from ._checkout import find_estimators
 from ._lazy import attach, homes
 

@@ -4,8 +4,6 @@ setuptools installs ``estimators/`` as ``pamid/estimators/`` and an editable ins
 that runs in a checkout: no link is needed, which Windows would check out as a text file.
 """
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder

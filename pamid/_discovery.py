@@ -1,7 +1,5 @@
 """Find the classes that the modules of a package define, so that something new is one new file."""
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import pkgutil

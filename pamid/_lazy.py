@@ -3,8 +3,6 @@
 Type checkers read the package's ``__init__.pyi``, which ``python docs/tables.py`` writes from the same names.
 """
 
-from __future__ import annotations
-
 import importlib
 import sys
 import warnings

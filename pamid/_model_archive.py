@@ -3,8 +3,6 @@
 Nothing here builds an object: entries are bytes, the schema is plain JSON, arrays are judged by their headers.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import re

@@ -1,7 +1,5 @@
 """The walk through a model file's schema, before anything of it is built: what is not on the allow-list is refused."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Iterable, Mapping
 from typing import Any

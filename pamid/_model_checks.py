@@ -5,8 +5,6 @@ are those that their class sets, their values plain data, arrays or objects of t
 disk, a cache, or something to be called; and what belongs together fits together (`pamid._model_fit`).
 """
 
-from __future__ import annotations
-
 import ast
 import dataclasses
 import inspect

@@ -4,8 +4,6 @@ Each rule looks at attributes by their name, whatever estimator has them, and sa
 reads arrays where such numbers say, and numpy stretches an array of one to any shape without a word.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from math import comb

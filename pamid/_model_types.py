@@ -5,8 +5,6 @@ estimators of `pamid.estimators`, the trainers, splitters and dataclasses of pam
 names is refused before anything is built, and no module outside these packages is imported to look.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import importlib
 import inspect

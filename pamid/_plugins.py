@@ -3,8 +3,6 @@
 ``importlib.metadata`` is asked when the first effect, page or log is, so ``import pamid`` stays quick.
 """
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
 from typing import Any

@@ -1,25 +1,24 @@
 """One way in for every simulator: read it, diagnose its gap, go on with further logs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
+import pandas as pd
+
+from .bench.parameters import BenchParameters
+from .effects.registry import chosen_effects
 from .errors import ParameterError
 from .explained import explained_by
 from .face import check_simulator
+from .gap.diagnosis.result import Diagnosis
 from .gap.several import History, go_on
+from .gap.several.conditions import Conditions
 from .gap.several.logs import diagnose as together
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
-    from .bench.parameters import BenchParameters
-    from .gap.diagnosis.result import Diagnosis
-    from .gap.several.conditions import Conditions
-    from .simulators import Simulator
+from .signals.frames import free_names, logs_as_pandas
+from .simulators import Simulator, port_effects
+from .simulators import read_simulator as read_ported
+from .simulators.page import MODELS, simulator_kinds
 
 
 def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters | Simulator:
@@ -55,9 +54,6 @@ def read_simulator(path: str | Path, *, trust: bool = False) -> BenchParameters 
     ...     pamid.read_simulator(page).kind
     'cylinder'
     """
-    from .bench.parameters import BenchParameters
-    from .simulators import read_simulator as read_ported
-    from .simulators.page import MODELS, simulator_kinds
     from .systems import read_system
     from .systems.file import kind_of_file
 
@@ -122,10 +118,6 @@ def diagnose(
     >>> pamid.diagnose({"hold": more}, bench, since=found.history).causes[0].effects
     ('leakage',)
     """
-    import pandas as pd
-
-    from .signals.frames import free_names, logs_as_pandas
-
     check_simulator(simulator)
     if since is not None and effects != "all":
         raise ParameterError(
@@ -144,9 +136,6 @@ def diagnose(
 
 def library_of(effects: str | Sequence[str], simulator: BenchParameters | Simulator) -> list[str]:
     """Return the names that a choice among the effects stands for, with a kind of simulator."""
-    from .effects.registry import chosen_effects
-    from .simulators import port_effects
-
     if not simulator.library:
         return sorted(port_effects()) if effects == "all" else [effects] if isinstance(effects, str) else list(effects)
     return chosen_effects(effects, simulator.library)

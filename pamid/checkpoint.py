@@ -1,7 +1,5 @@
 """Long work in steps that survive being killed: each finished step is on disk, whole, before the next begins."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

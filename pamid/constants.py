@@ -1,7 +1,5 @@
 """Physical constants shared by the laws, as the study of the bench uses them (SI units)."""
 
-from __future__ import annotations
-
 ATMOSPHERIC_PRESSURE = 101_325.0
 """Standard atmosphere, Pa, absolute."""
 

@@ -5,8 +5,6 @@ that reads it is cancelled, and the search with it. Here the same data is the re
 runs again on another worker.
 """
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import logging

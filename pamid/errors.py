@@ -4,8 +4,7 @@ Each class also derives from the builtin that a scikit-learn user expects (``Val
 so ``except ValueError`` keeps working and the command line can turn any `PamidError` into one clear line.
 """
 
-from __future__ import annotations
-
+import difflib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
@@ -62,8 +61,6 @@ class PamidError(Exception):
 
 def among(name: object, known: Iterable[str], otherwise: str = "Correct the name.") -> tuple[str, str]:
     """Return expectation and remedy for an unknown name; a long list is cut to similar names."""
-    import difflib
-
     names = list(known)
     close = difflib.get_close_matches(str(name), names, n=3)
     expected = "a known name" if close and len(names) > _LONG else f"one of {', '.join(names)}"

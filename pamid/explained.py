@@ -6,13 +6,11 @@ function by the functions that ``@explained_by`` names; ``default=`` follows fro
 show the whole.
 """
 
-from __future__ import annotations
-
 import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, TypeVar, dataclass_transform
+from typing import Any, Self, TypeVar, dataclass_transform
 
 ORDER = (
     "Parameters", "Attributes", "Methods", "Returns", "Yields", "Raises", "Warns", "Warnings", "See Also", "Notes",
@@ -43,9 +41,7 @@ def explain(cls: type) -> None:
     doc.take("Parameters", bases, list(inspect.signature(cls).parameters.values()))
     doc.take("Attributes", bases)
     for section in ("See Also", "References"):
-        told = [base.sections[section] for base in (doc, *bases) if section in base.sections]
-        if told:
-            doc.sections[section] = told[0]
+        doc.take_whole(section, bases)
     cls.__doc__ = str(doc)
 
 
@@ -62,18 +58,19 @@ def explain_methods(cls: type, common: type) -> None:
         doc = Docstring(function.__doc__)
         wanted = list(inspect.signature(function).parameters.values())[1:]
         doc.take("Parameters", [*same, own, *shared, every], wanted)
-        told = [d.sections["Returns"] for d in (*same, *shared) if "Returns" in d.sections]
-        if "Returns" not in doc.sections and told:
-            doc.sections["Returns"] = told[0]
+        doc.take_whole("Returns", [*same, *shared])
         function.__doc__ = str(doc)
 
 
 def explained_by(*others: Any) -> Callable[[F], F]:
-    """Make other functions, or classes, explain the parameters that the docstring of a function leaves out."""
+    """Make other functions, or classes, explain what the docstring of a function leaves out."""
 
     def explained(function: F) -> F:
         doc, wanted = Docstring(function.__doc__), list(inspect.signature(function).parameters.values())
-        doc.take("Parameters", [Docstring(other.__doc__) for other in others], wanted)
+        docs = [Docstring(other.__doc__) for other in others]
+        doc.take("Parameters", docs, wanted)
+        for section in ("Returns", "References"):
+            doc.take_whole(section, docs)
         function.__doc__ = str(doc)
         return function
 
@@ -107,15 +104,19 @@ class Docstring:
         """Return the entries of a section, each with the lines below it."""
         return re.split(r"\n(?=\S)", self.sections[section]) if self.sections.get(section) else []
 
-    def leave_out(self, section: str, other: Docstring) -> None:
+    def leave_out(self, section: str, other: Self) -> None:
         """Remove the entries of a section whose text another docstring has too."""
         known = {entry.partition("\n")[2] for entry in other.entries(section)}
         left = [entry for entry in self.entries(section) if entry.partition("\n")[2] not in known]
         self.sections[section] = "\n".join(left)
 
-    def take(
-        self, section: str, others: Sequence[Docstring], wanted: Sequence[inspect.Parameter] | None = None
-    ) -> None:
+    def take_whole(self, section: str, others: Sequence[Self]) -> None:
+        """Add a section that is missing here as the first of others has it."""
+        for other in others:
+            if section not in self.sections and section in other.sections:
+                self.sections[section] = other.sections[section]
+
+    def take(self, section: str, others: Sequence[Self], wanted: Sequence[inspect.Parameter] | None = None) -> None:
         """Add entries of others for what has none here: for the parameters wanted in their order, or for all."""
         own = {name: entry for entry in self.entries(section) for name in _names(entry)}
         known = dict(own)

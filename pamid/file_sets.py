@@ -1,7 +1,5 @@
 """Several files of a folder as one: readers see the old set or the new one, and the user's other files stay."""
 
-from __future__ import annotations
-
 import contextlib
 import ctypes
 import json

@@ -1,7 +1,5 @@
 """Write a file whole or not at all, and see beforehand whether it can be written."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import secrets

@@ -1,7 +1,5 @@
 """What JSON knows: plain dicts, lists, text and finite numbers."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

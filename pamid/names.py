@@ -1,7 +1,5 @@
 """Names that somebody gives, checked against those that there are."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable
 from typing import Any
 

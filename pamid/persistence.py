@@ -6,8 +6,6 @@ never runs code from the file: every type it names is checked against a closed l
 was built is checked again, attribute by attribute, before it is given out.
 """
 
-from __future__ import annotations
-
 import io
 import json
 import zipfile
@@ -15,6 +13,8 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+import numpy
 
 from . import __version__
 from ._model_archive import MAX_BYTES, METADATA, SCHEMA, check_arrays, hostile, parse_json, read_archive, unpack
@@ -251,7 +251,6 @@ def _check_own(estimator: Any, packed: bytes, trusted: Sequence[TrustedType]) ->
 
 
 def _describe(estimator: Any, metadata: Mapping[str, Any] | None) -> dict[str, Any]:
-    import numpy
     import sklearn
     import skops
 

@@ -1,7 +1,5 @@
 """A cache of values that are needed repeatedly while one of many parameters moves, limited in number or size."""
 
-from __future__ import annotations
-
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar

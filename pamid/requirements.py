@@ -6,8 +6,6 @@ An estimator of somebody else's declares nothing; what holds for it then is said
 do beside, such as say their predictions as formulas, is a protocol, and asked for by ``isinstance``.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Hashable, Mapping, Sequence
 from functools import cache
 from typing import Any, Protocol, runtime_checkable

@@ -1,7 +1,5 @@
 """Small TOML files that people write, read with care: a page of text, and nothing that hangs or fills the memory."""
 
-from __future__ import annotations
-
 import json
 import re
 import stat

@@ -8,18 +8,18 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
+import pandas as pd
 
 from .any_simulator import diagnose
 from .errors import MissingColumnError, ParameterError, ShortTrajectoryError, StreamChangeWarning
+from .gap.diagnosis.result import Diagnosis
+from .gap.evaluation import residuals_of
+from .gap.several.history import History
+from .gap.several.result import Change
+from .simulators import Simulator
 
 if TYPE_CHECKING:
-    import pandas as pd
-
-    from .gap.diagnosis.result import Diagnosis
-    from .gap.several.history import History
-    from .gap.several.result import Change
     from .online import ChangeMonitor
-    from .simulators import Simulator
 
     _Left = tuple[pd.DataFrame, pd.Series, pd.Series]
 
@@ -85,8 +85,6 @@ class SimulatorWatch:
 
     def update(self, log: pd.DataFrame) -> list[StreamChange]:
         """Take the samples that follow."""
-        import pandas as pd
-
         if self.history is None:
             raise ParameterError("The monitor has not been trained.", "a healthy stretch first", "Call learn.")
         self._waiting = pd.concat([self._waiting, log], ignore_index=True)
@@ -98,8 +96,6 @@ class SimulatorWatch:
     # --- the rig as it is ---------------------------------------------------------------------------------------
     def _know(self, found: Diagnosis, log: pd.DataFrame) -> None:
         """Adopt a diagnosis of the rig, and learn its residuals on a stretch."""
-        import pandas as pd
-
         from .online import ChangeMonitor
 
         self.history = found.history
@@ -139,10 +135,6 @@ class SimulatorWatch:
 
     def _residuals(self, piece: pd.DataFrame) -> dict[str, _Left]:
         """Return for each equation signals, residuals in units of the noise, and times, by windows."""
-        import pandas as pd
-
-        from .gap.evaluation import residuals_of
-
         try:
             evidence = residuals_of(piece, self._now)
         except (ShortTrajectoryError, MissingColumnError):  # the rest of a run, or a signal that does not come
@@ -160,8 +152,6 @@ class SimulatorWatch:
     # --- the stream ---------------------------------------------------------------------------------------------
     def _take(self, piece: pd.DataFrame) -> list[StreamChange]:
         """Take a piece: watch it, or keep it for the diagnosis of a change that has begun."""
-        import pandas as pd
-
         self._recent.append(piece)
         if self._found is not None:
             if len(self._recent) >= PIECES:
@@ -191,8 +181,6 @@ class SimulatorWatch:
         return after or self._recent[-1:]
 
     def _name(self) -> StreamChange:
-        import pandas as pd
-
         assert self._since is not None and self.history is not None
         self._named += 1
         rows = pd.concat(self._recent, ignore_index=True)

@@ -1,7 +1,5 @@
 """What an adapter is: a few parameters psi that expand to all parameters of the network."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
 

@@ -1,7 +1,5 @@
 """Fine-tuning of all layers or of a few: the trained arrays are the network's own."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

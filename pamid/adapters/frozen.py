@@ -1,7 +1,5 @@
 """Nothing of the network is trained: what stands over it, such as a factor on the volume, is adapted alone."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

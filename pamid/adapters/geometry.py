@@ -1,7 +1,5 @@
 """Where the factor on the volume starts: two muscles' lengths and diameters."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """LoRA: a product of two thin matrices is added to the weights of a layer."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """Which adapters there are: found in the modules of this folder, so that a new one is one new file and no list."""
 
-from __future__ import annotations
-
 import inspect
 from functools import cache
 from typing import Any

@@ -1,7 +1,5 @@
 """The Q-adapter: a factor on the volume, over any other adapter."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 

@@ -1,17 +1,12 @@
 """The antagonistic bench as a right-hand side: one joint, two muscles, many runs side by side."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..effects.base import Effect, Signals
 from .muscles import Muscles
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
+from .parameters import BenchParameters
 
 
 class Antagonist:

@@ -10,20 +10,15 @@ Three balances are exact consequences of the nominal equations, so what they lea
   \int b_q\dot q^2\,\mathrm{d}t`: the work of the gas is what the joint keeps and what friction takes.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .antagonist import Antagonist
 from .controller import Controller, RunningController
 from .integrate import RungeKutta4
+from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
 
 
 def balances(params: BenchParameters, runs: Sequence[Trajectory], substeps: int = 1) -> dict[str, float]:

@@ -1,18 +1,13 @@
 """The digital controller of the bench: PD on the angle, pressure loops below it, both muscles always taut."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .kinematics import contraction
+from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,6 @@
 ``paper_like`` is the bench as the authors' data are, see `pamid.bench.paper_like`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Fixed-step Runge–Kutta of fourth order over a batch, into arrays allocated once."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,18 +1,11 @@
 """From the log of a bench to one row per muscle and sample."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from ..errors import MissingColumnError, MissingTrajectoryError
 from ..signals.frames import as_pandas
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .parameters import BenchParameters
+from .parameters import BenchParameters
 
 SIGNS = {1: 1.0, 2: -1.0}
 """How the joint angle contracts each muscle: muscle 1 shortens with growing angle, muscle 2 lengthens."""
@@ -79,8 +72,6 @@ def unfold(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     >>> len(table), [c for c in ("eps", "P", "F", "mdot") if c in table]
     (200, ['eps', 'P', 'F', 'mdot'])
     """
-    import pandas as pd
-
     log = as_pandas(log)
     if "trajectory" not in log:
         raise MissingTrajectoryError(

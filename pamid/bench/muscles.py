@@ -4,17 +4,12 @@ The same formulas stand, one by one, in `pamid.laws`; here they are fused over a
 that are allocated once, because the time of a simulation goes into calls rather than into numbers.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..effects.base import Effect, Signals
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
+from .parameters import BenchParameters
 
 MUSCLE_HOOKS = ("force", "flow", "command", "supply", "valve")
 

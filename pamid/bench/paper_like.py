@@ -16,8 +16,6 @@ latter with the authors' loss on B in sight as well; how long a step takes, with
 noise; which four amplitudes, by the kurtosis; which run of B is longer. A, of which nothing is said, has C's runs.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

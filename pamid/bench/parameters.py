@@ -5,23 +5,19 @@ parameter is known) and any number of ``[[effects]]`` (physics beyond the nomina
 therefore a file of the same format.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
+from ..effects import Effect, EffectSpec
 from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
 from ..face import AnySimulator
 from ..names import require_one_of
-
-if TYPE_CHECKING:
-    from ..effects import Effect, EffectSpec
 
 _LOCKED_ANGLE = math.acos(1 / math.sqrt(3))  # tan² = 2: a braid beyond it can only extend
 
@@ -333,8 +329,6 @@ class BenchParameters(AnySimulator):
     def _checked_effects(self) -> tuple[EffectSpec, ...]:
         if not self.effects:
             return ()
-        from ..effects import EffectSpec  # the library is looked through only where a simulator has effects
-
         return tuple(EffectSpec.of(entry) for entry in self.effects)
 
     @classmethod

@@ -1,7 +1,5 @@
 """What the joint is told to do: the trajectories of the study and those that distinguish effects."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Sensors of the bench: noise and resolution of each channel."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,12 +1,11 @@
 """Run the bench: all runs of one length together, control period by control period."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..effects import Effect, Signals
 from ..effects._places import ROLE
@@ -15,11 +14,9 @@ from ..errors import DivergedError, ParameterError, TrajectoryError
 from .antagonist import Antagonist
 from .controller import Controller, RunningController
 from .integrate import RungeKutta4
+from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
 from .sensors import SENSORS, Sensor
-
-if TYPE_CHECKING:
-    from .parameters import BenchParameters
 
 MAX_BATCH_SAMPLES = 4_000_000
 """Runs times samples simulated together; their records take about 72 bytes each."""
@@ -205,8 +202,6 @@ def simulate(
     >>> len(log), log["trajectory"].iloc[0]
     (500, 'sine-4-10')
     """
-    import pandas as pd
-
     names = [run.name for run in trajectories]
     if not names or len(set(names)) < len(names):
         double = sorted({name for name in names if names.count(name) > 1})

@@ -1,13 +1,13 @@
 """Read and write simulator files: TOML in, a checked `BenchParameters` out, and back."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
+from ..effects import EffectSpec
+from ..effects.spec import specs_of
 from ..errors import (
     MissingParameterError,
     OversizedSimulatorError,
@@ -18,9 +18,6 @@ from ..errors import (
 )
 from ..names import REMOVE, refuse_others
 from ..toml_files import TomlErrors, read_toml, toml_value
-
-if TYPE_CHECKING:
-    from ..effects import EffectSpec
 
 ERRORS = TomlErrors(SimulatorNotFoundError, OversizedSimulatorError, SimulatorSyntaxError)
 
@@ -44,8 +41,6 @@ def _table(cls: type, name: str, raw: Any) -> Any:
 
 def read_simulator_file(made: Callable[..., T], classes: Mapping[str, type], path: Path) -> T:
     """Build parameters from the tables, tolerances and effects of a file, naming the file in every error."""
-    from ..effects.spec import specs_of
-
     raw = read_toml(path, "a simulator file", ERRORS)
     try:
         if raw.get("kind") == "bench":

@@ -1,13 +1,12 @@
 """One muscle that lifts a load under PID pressure control: the bench of the inverse model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..constants import GRAVITY
 from ..effects.spec import EffectLike, EffectSpec, as_effects
@@ -202,8 +201,6 @@ def simulate_lift(
     >>> list(log.columns)
     ['trajectory', 'time', 'P_ref', 'P', 'L', 'eps', 'F', 'u', 'load']
     """
-    import pandas as pd
-
     mass = np.asarray(loads, dtype=float)
     if mass.ndim != 1 or not mass.size or not np.all((mass > 0) & (mass < 1e4)) or len(set(loads)) < mass.size:
         raise ParameterError(f"loads is {loads!r}.", "different masses in kg, above 0", "List each load once.")

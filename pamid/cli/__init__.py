@@ -3,8 +3,6 @@
 Nothing heavy is imported to show a help page; a command imports what it needs when it runs.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 

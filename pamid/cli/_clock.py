@@ -1,22 +1,17 @@
 """The unit of a clock that states none: as fast as the states change, else seconds where it counts rows one by one."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import PamidError
+from ..signals.guess import Guess
 from ..signals.units import UNITS
-
-if TYPE_CHECKING:
-    from ..signals.guess import Guess
-    from ..simulators import Simulator
-    from ..simulators.port_log import PortLog
-    from ..systems.draft import Draft
+from ..simulators import Simulator
+from ..simulators.port_log import PortLog, port_log
+from ..systems.draft import Draft
 
 _OF_CLOCKS = ("ns", "us", "ms", "s", "min", "h")
 _DAY = 86_400
@@ -43,8 +38,6 @@ def count_seconds(draft: Draft) -> None:
 
 def count_as_simulated(draft: Draft, simulator: Simulator) -> None:
     """Give an unstated clock the unit in which the logged states change as fast as a simulator says, if it says it."""
-    from ..simulators.port_log import port_log
-
     clock = _open_clock(draft)
     if clock is None or simulator.form != "ode":
         return

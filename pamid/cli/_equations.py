@@ -1,10 +1,7 @@
 """A simulator file for somebody's own equations, with the mapping of the log that they are compared with."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 from ..errors import MissingColumnError, ParameterError, UnitError
 
@@ -32,9 +29,6 @@ def split_equations(texts: list[str]) -> dict[str, str]:
 
 def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> None:
     """Give a draft the signals of equations: states, outputs, and what right sides name beside numbers."""
-    from ..simulators.equation_model import names_in, sides
-    from ..systems.base import Input
-
     rates, outputs = sides(equations)
     named = set().union(*(names_in(text) for text in equations.values())) - {"t"}
     if surplus := sorted(set(numbers) - named - set(rates)):
@@ -52,9 +46,6 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
 
 def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str]) -> Simulator:
     """Give a draft the columns of its signals and the simulator file of equations; return what it says."""
-    from ..simulators import page_text
-    from ..simulators.equation_model import sides
-
     rates, outputs = sides(equations)
     starts = {name: text for name, text in numbers.items() if name in rates}
     numbers = {name: text for name, text in numbers.items() if name not in rates}
@@ -92,8 +83,6 @@ def _simulator(
     draft: Draft, equations: Mapping[str, str], numbers: Mapping[str, str], starts: Mapping[str, str]
 ) -> Simulator:
     """Return the simulator of equations; a number of a state is where it starts."""
-    from ..simulators import EquationSimulator, Port
-
     given = {name: _number(name, text) for name, text in starts.items()}
     ports = [
         Port(p.name, p.meaning, p.unit or (given[p.name].unit if p.name in given else "-"),
@@ -105,9 +94,6 @@ def _simulator(
 
 def _unit_of(draft: Draft, name: str) -> str:
     """Return the SI unit of a signal's column."""
-    from ..signals.unit_names import find_unit
-    from ..signals.units import SI_UNITS
-
     column = draft.of(name)
     return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else ""
 

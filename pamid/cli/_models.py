@@ -1,26 +1,28 @@
 """The first simulator file of a MuJoCo model or an FMU, and the mapping of the log that it is compared with."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from ..errors import PamidError
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from ..simulators import Port, Simulator
-    from ..simulators.matching import Match
-    from ..systems.draft import Draft
+from ..signals._tidy import numbers_of, sampling_period, to_si
+from ..signals.headers import read_header
+from ..signals.mapping import SignalMapping
+from ..signals.unit_names import find_unit, parse_quantity
+from ..signals.units import SI_UNITS
+from ..simulators import Port, Simulator, page_text
+from ..simulators.likeness import dimension
+from ..simulators.matching import Match, matches
+from ..simulators.motion import rate_between
+from ..systems.base import Input
+from ..systems.draft import Draft
 
 
 def declare_model(draft: Draft, simulator: Simulator) -> None:
     """Give a draft the signals of a model: its inputs, readings and states."""
-    from ..systems.base import Input
-
     draft.ports = tuple(Input(p.source, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
     draft.runs_code = simulator.executes
     for port in _signals(simulator):  # a simulator file may say the column itself
@@ -30,8 +32,6 @@ def declare_model(draft: Draft, simulator: Simulator) -> None:
 
 def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[str, str]]:
     """Return the probable column of each port beside the given ones, and the doubts."""
-    from ..simulators.matching import matches
-
     said = {g.signal: (str(g.column), g.unit or "") for g in draft.guesses if g.signal}
     ports = _signals(simulator)
     given = {p.name: said[p.source] for p in ports if p.source in said}
@@ -41,11 +41,6 @@ def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[st
 
 def first_run(draft: Draft) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """Return the times of the first run, s, and its columns of numbers, clock and names of runs aside."""
-    import numpy as np
-
-    from ..signals._tidy import numbers_of, sampling_period, to_si
-    from ..signals.mapping import SignalMapping
-    from ..signals.unit_names import parse_quantity
 
     def numbers(column: str | int) -> np.ndarray | None:
         try:
@@ -83,10 +78,6 @@ def take(draft: Draft, simulator: Simulator, found: Sequence[Match], doubts: Map
 
 def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
     """Declare the joint of an FMU where samples and units tell one, so that friction can be tested there; its name."""
-    from ..simulators import Port
-    from ..simulators.likeness import dimension
-    from ..simulators.motion import rate_between
-
     t, frame = first_run(draft)
     said = {g.signal: str(g.column) for g in draft.guesses if g.signal} | {m.port: m.column for m in found}
     if simulator.kind != "fmu" or any(p.kind == "joint" for p in simulator.ports):
@@ -142,10 +133,6 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
 
 def with_units(draft: Draft, simulator: Simulator) -> None:
     """Give the ports of a python-control system, which has no units, those of their columns."""
-    from dataclasses import replace
-
-    from ..signals.unit_names import find_unit
-    from ..signals.units import SI_UNITS
 
     def unit(signal: str) -> str:
         column = draft.of(signal)
@@ -157,8 +144,6 @@ def with_units(draft: Draft, simulator: Simulator) -> None:
 
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
     """Return whether a simulator file alone describes the columns of a log: its clock and runs need no mapping."""
-    from ..signals.headers import read_header
-
     clock, run = draft.of("time"), draft.of("trajectory")
     said = clock is not None and (clock.sure or not clock.unit)  # an assumed unit is to be seen
     ticks = said and clock is not None and clock.settings() in ({"column": "time"}, {"column": "time", "unit": "s"})
@@ -171,10 +156,6 @@ def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:
 
 def model_page(simulator: Simulator, columns: Mapping[str, str], folder: Path, mapped: bool) -> str:
     """Return the first draft of the simulator file of a model: its ports and numbers."""
-    from dataclasses import replace
-
-    from ..simulators import page_text
-
     named = {p: c for p, c in columns.items() if c != p and not mapped}
     simulator.ports = tuple(replace(p, column=named.get(p.name, "")) for p in simulator.ports)
     simulator.parameters = simulator.own_numbers()

@@ -1,7 +1,5 @@
 """Progress of a command on standard error, with the time left where the number of steps is known."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import os

@@ -1,7 +1,5 @@
 """Colour, where a person is looking at a terminal that shows it."""
 
-from __future__ import annotations
-
 import os
 import sys
 from typing import TextIO

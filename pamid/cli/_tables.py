@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -21,8 +22,6 @@ from ..signals.unit_names import parse_quantity
 from .common import page_numbers, page_of
 
 if TYPE_CHECKING:
-    import argparse
-
     import numpy as np
     import pandas as pd
 

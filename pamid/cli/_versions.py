@@ -1,7 +1,5 @@
 """What ``pamid --version`` prints: the versions on which results depend, looked up without importing anything heavy."""
 
-from __future__ import annotations
-
 import argparse
 import platform
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Build the parser from the commands that there are, run one, and turn whatever it raises into one clear message."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import errno

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import contextlib
 import json
 import math
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -198,8 +201,6 @@ def _note_assumed(args: argparse.Namespace) -> None:
 
 def parse_settings(pairs: Sequence[str], option: str = "--set") -> dict[str, Any]:
     """Turn ``name=value`` texts into a dictionary; values are Python literals, anything else is text."""
-    import ast
-
     settings: dict[str, Any] = {}
     for pair in pairs:
         name, equals, text = pair.partition("=")
@@ -247,9 +248,6 @@ def number(value: float) -> str:
 
 def wrapped(word: str, text: str, width_of_word: int | None = None) -> str:
     """Return a text with a word before it, wrapped to the terminal; control characters of a log's names left out."""
-    import shutil
-    import textwrap
-
     clean = "".join(c if c.isprintable() else " " for c in text)
     width = max(40, min(shutil.get_terminal_size((110, 24)).columns, 120))
     lines = textwrap.wrap(clean, width - 9) or [""]

@@ -1,7 +1,5 @@
 """Estimators of one equation compared on unseen runs."""
 
-from __future__ import annotations
-
 from .._lazy import attach, homes, renamed
 
 _HOME = homes(

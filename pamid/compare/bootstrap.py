@@ -1,7 +1,5 @@
 """Intervals of a root mean square error when runs, not rows, are what would be drawn again."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

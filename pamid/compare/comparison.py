@@ -1,23 +1,19 @@
 """What a comparison found: one row an estimator, their held-out predictions, and the fitted estimators of one fold."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import UnknownOptionError
 from ..file_sets import replacing_together
 from ..files import write_whole
 from ..json_data import json_ready
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 BASELINE = "baseline (mean)"
 """Row of the table that predicts the mean of the training runs."""
@@ -129,8 +125,6 @@ class Comparison:
         DataFrame
             One row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
         """
-        import pandas as pd
-
         found = pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
         found.insert(list(found.columns).index("nrmse") + 1, "fit", [s.fit for s in self.scores])
         return found

@@ -1,7 +1,5 @@
 """What takes part in a comparison: every estimator that says it can learn the equation, in the settings it names."""
 
-from __future__ import annotations
-
 import fnmatch
 import inspect
 from collections.abc import Mapping, Sequence

@@ -1,11 +1,10 @@
 """What the sensors' own noise would leave of a perfect model's error."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np
 
+from ..signals.state import STATE_SIGNALS
 from .protocol import Prepared
 
 
@@ -20,8 +19,6 @@ def noise_floor(
 
     .. math:: \sigma^2 = \sigma_y^2 g_y + \sum_s \left(\frac{\partial f}{\partial s}\right)^2 \sigma_s^2 g_s
     """
-    from ..signals.state import STATE_SIGNALS
-
     if set(prepared.cutoffs) != {"eps", "P"}:
         return float("nan")
     table, source = prepared.table, prepared.source

@@ -1,12 +1,11 @@
 """The common ground of a comparison: rates by run, the target, folds of whole runs, and the rows of a fit."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import (
     EmptyLogError,
@@ -21,9 +20,6 @@ from ..errors import (
 )
 from .entries import EQUATIONS, OUTPUTS, START, target_of
 from .timing import flow_steps, held_share
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 RATES = {"deps": "eps", "dP": "P"}
 
@@ -157,8 +153,6 @@ def prepare(
     >>> bench = BenchParameters.for_muscle("B")
     >>> ready = prepare(unfold(simulate(bench, [sine(4, 10.0, 400)]), bench), "force")
     """
-    import pandas as pd
-
     from ..signals import thinned_rows
 
     column, _ = target_of(equation, output)

@@ -7,9 +7,10 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import FitError, IncompatibleError, InterruptedFitWarning, PamidError, ParameterError
 from ..requirements import is_sequential, parameter_count, reads_of
@@ -19,9 +20,6 @@ from .comparison import BASELINE, Comparison, Score, ranked
 from .entries import EQUATIONS, SIGNALS, CandidateModel, candidates, target_of
 from .floor import noise_floor
 from .protocol import Fold, Prepared, folds, prepare
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 FLOOR_ROWS = 2000
 """Rows at which the sensitivities for the noise floor are taken."""
@@ -408,8 +406,6 @@ def _floor(
     method: str,
 ) -> float:
     """Take the noise floor with the sensitivities of the best model that reads single rows."""
-    import pandas as pd
-
     rows = scored[spaced(len(scored), FLOOR_ROWS)]
     target = table[ready.target].to_numpy(dtype=float)
     for score in ranking:

@@ -1,17 +1,11 @@
 """When, within a sampling period, a logged flow flows."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from ..constants import HEAT_CAPACITY_RATIO
 from ..laws.thermodynamic import ThermodynamicFlow
 from ..signals.state import STATE_SIGNALS, State
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 POWERS = [(i, j) for i in range(4) for j in range(3)]
 """Powers of contraction and pressure in the volume beside which the timing is found."""

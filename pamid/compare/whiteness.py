@@ -1,7 +1,5 @@
 """Is what a model leaves white, and unrelated to its inputs: the residual test of system identification."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,10 +1,10 @@
 """The residuals of the equations that a log allows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
+import pandas as pd
+
+from ..bench.parameters import BenchParameters
 from ..errors import MissingColumnError
 from ..names import require_one_of
 from .base import Equation, Residual, all_equations
@@ -12,11 +12,6 @@ from .log import BenchLog, columns_of
 from .run import Model, Run
 from .stretch import HALF
 from .windows import WINDOW
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 CHANNELS = ("P", "F", "mdot", "u")
 """Channels that a run may have beside the angle."""

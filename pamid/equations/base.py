@@ -1,18 +1,14 @@
 """What an equation of the bench is: the columns it needs, and its residual over windows of a run."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from .._discovery import modules
+from ..effects import Effect
 from ..errors import IncompatibleError
 from .run import Run
-
-if TYPE_CHECKING:
-    from ..effects import Effect
 
 
 class Residual(NamedTuple):

@@ -1,14 +1,14 @@
 """Hold a log against the equations of a simulator: how large each residual is, and how large its noise."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..errors import ReadingWarning, ShortTrajectoryError, UnitWarning
 from ..signals.frames import as_pandas
 from .allowed import allowed_equations, residuals, without_windows
@@ -16,11 +16,6 @@ from .base import Equation, Residual
 from .log import BenchLog
 from .unit_doubts import unit_doubts
 from .windows import WINDOW
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 _WORST = 3  # windows that one wrong reading falls into, with derivatives
 _ENOUGH = 30  # windows from which on three are few
@@ -175,7 +170,7 @@ class Sums:
         self.measured += float(np.sum(m))
         self.measured_square += float(np.sum(m**2))
 
-    def merge(self, other: Sums) -> None:
+    def merge(self, other: Self) -> None:
         """Add the sums of another."""
         if not other.n or other.origin is None:
             return
@@ -283,8 +278,6 @@ def evaluate_log(
     >>> result.skipped["joint"]
     'joint needs q, F1, F2; the log lacks F1, F2; it is tested together with force instead'
     """
-    import pandas as pd
-
     allowed: dict[str, Equation] = {}
     skipped: dict[str, str] = {}
     doubts: list[str] = []

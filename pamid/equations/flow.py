@@ -1,7 +1,5 @@
 """The flow equation: the first law for the gas in a muscle, in integral form."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

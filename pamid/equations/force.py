@@ -1,7 +1,5 @@
 """The force equation: tension by Chou and Hannaford."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

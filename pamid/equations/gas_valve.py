@@ -1,7 +1,5 @@
 """Gas against valve, where no flow is measured: pressure and volume take what the valve lets through."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The joint equation: two muscles that turn an inertia."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The joint with modelled tensions: two muscles that turn an inertia, where no tension is measured."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..errors import (
     ColumnTypeError,
@@ -22,9 +22,6 @@ from ..signals.stretches import equal_stretches
 from ..signals.thinning import whole_trajectories
 from .run import MUSCLES, Model, Run
 from .stretch import stretches
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def columns_of(channel: str) -> list[str]:
@@ -73,8 +70,6 @@ class BenchLog:
         MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
             The log does not name its runs, mixes their rows, or has none.
         """
-        import pandas as pd
-
         log = self.table
         if "trajectory" not in log.columns:
             raise MissingTrajectoryError(

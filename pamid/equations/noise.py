@@ -1,7 +1,5 @@
 """The noise of a channel, estimated from its own log: changes between samples that no smooth motion explains."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

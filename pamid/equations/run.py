@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
+from ..bench.parameters import BenchParameters
+from ..effects import Effect, FlowTerm, Plant, Signals
 from ..laws.valve import valve_flow
 from ..signals.paths import Path, play
 from .noise import ChannelNoise, channel_noise, noise_beside
 from .stretch import BRIDGED, HALF, Stretch, remembered
 from .windows import WINDOW, Windows, average, span, starts
-
-if TYPE_CHECKING:
-    from ..bench.parameters import BenchParameters
-    from ..effects import Effect, FlowTerm, Plant, Signals
 
 MUSCLES = (1, 2)
 SIGNS = np.array([1.0, -1.0])
@@ -256,8 +254,6 @@ class Run:
         return self.signals.get(key, lambda: self._made_signals(effect))
 
     def _made_signals(self, effect: Effect) -> Signals:
-        from ..effects import Signals
-
         roles = set(effect.roles)
         joint = effect.site == "joint"
         position = self.q[:, None] if joint else self.eps

@@ -6,21 +6,18 @@ four samples about a row, a valve's command and flow, which jump, by the sample 
 the noise of the samples leaves in any weighted sum over the rows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
+from ..effects import Signals
 from ..remembered import Remembered
 from ..signals.paths import Path
 from .noise import ChannelNoise, roughness
 from .windows import WINDOW, Bridge, Windows, samples_per_window
-
-if TYPE_CHECKING:
-    from ..effects import Signals
 
 BRIDGED = 2 * WINDOW
 """Longest time between two samples that a stretch goes on over, s: no motion that windows resolve hides in it."""
@@ -171,8 +168,6 @@ def _clock(time: np.ndarray, q: np.ndarray) -> tuple[float, np.ndarray | None]:
 # --- columns ------------------------------------------------------------------------------------------------
 def _bridge(at: np.ndarray, x: np.ndarray, n_rows: int, channel: str, n: int) -> tuple[np.ndarray, Bridge]:
     """Return a column on equal steps from its samples at places ``at``, in steps."""
-    from scipy.sparse import csr_array
-
     rows = np.arange(n_rows, dtype=float)
     after = np.clip(np.searchsorted(at, rows - 1e-9), 1, len(at) - 1)
     width = at[after] - at[after - 1]

@@ -1,7 +1,5 @@
 """When a signal changes within one sample: a timing that a log does not tell, and that must not pose as a gap."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..signals.units import UNITS
 from .allowed import allowed_equations, residuals
 from .log import BenchLog, columns_of
 from .run import MUSCLES
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 _MOST = 4_000  # rows that are looked at
 _OFF = 0.1

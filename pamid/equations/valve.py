@@ -1,7 +1,5 @@
 """The valve equation: mass flow through a servo valve after ISO 6358."""
 
-from __future__ import annotations
-
 from typing import ClassVar
 
 import numpy as np

@@ -10,22 +10,16 @@ more noise than the difference of two means. All equations share one grid of win
 neighbours overlap.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ..remembered import Remembered
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from scipy.sparse import csr_array
-
-    from .noise import ChannelNoise
+from .noise import ChannelNoise
 
 WINDOW = 0.02
 """Width of a window, s."""
@@ -169,8 +163,6 @@ class Windows:
     def _sparse_covariances(
         self, weights: np.ndarray, noise: Sequence[ChannelNoise], bridges: Sequence[Bridge] | None
     ) -> np.ndarray:
-        from scipy.sparse import csr_array
-
         m, length = len(self.first), len(weights)
         begin = self.first - (length - span(self.n, self.order) - self.order + 1) // 2
         rows = np.clip(begin[:, None] + np.arange(length), 0, self.n_rows - 1)

@@ -1,7 +1,5 @@
 """A plan as C99: fixed code from `templates`, tables of numbers, and a self-test with reference values."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Any

@@ -1,7 +1,5 @@
 """A plan as an FMU: FMI 3.0 co-simulation, built from the exported C code, with its sources inside."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import os

@@ -1,7 +1,5 @@
 """Models that are a formula of their signals, traced once and written as C99 or ONNX; a lift as a step with state."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What a model with effects remembers, as formulas: how it begins at a first reading, and follows the next ones."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Ordinary differential equations as an FMU: FMI 2.0, co-simulation and model exchange, from formulas in Python."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

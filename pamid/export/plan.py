@@ -1,7 +1,5 @@
 """What is exported: a fitted model taken apart into a geometric volume, a network, formulas and their inputs."""
 
-from __future__ import annotations
-
 import re
 import warnings
 from collections.abc import Callable, Mapping, Sequence

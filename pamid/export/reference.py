@@ -1,7 +1,5 @@
 """Reference values: states around the data of a fit and at its edges, with what the model answers to them in Python."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Export a fitted model to a folder: C99, ONNX or an FMU."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

@@ -3,8 +3,6 @@
 torch is imported inside the functions that need it. Parameters travel as dicts of numpy arrays.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field

@@ -7,8 +7,6 @@ With scaled lags :math:`\varphi_k = (z_{k-1}, \dots, z_{k-p}, u_k, \dots, u_{k-q
 where each z on the right is the model's own. Runs go side by side: one step of all of them is one call of the model.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

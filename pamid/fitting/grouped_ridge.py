@@ -5,8 +5,6 @@ r"""Ridge regression whose penalty is what predicts groups best that it has not 
 with S the root mean square of each column; every λ is judged by predicting each fold from the others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

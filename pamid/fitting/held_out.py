@@ -9,8 +9,6 @@ References
 C. E. Rasmussen, C. K. I. Williams, "Gaussian Processes for Machine Learning", MIT Press 2006, section 5.4.2.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 

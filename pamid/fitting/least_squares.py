@@ -3,8 +3,6 @@
 Weights count rows: a weight of 2 is the same row twice, in the fit and in the standard errors.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 

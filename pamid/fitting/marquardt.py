@@ -4,8 +4,6 @@ D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear paramet
 Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar

@@ -4,8 +4,6 @@ M. T. Hagan, M. B. Menhaj, "Training feedforward networks with the Marquardt alg
 Networks 5(6), 1994. https://doi.org/10.1109/72.329697
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

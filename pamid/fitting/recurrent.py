@@ -1,7 +1,5 @@
 """A recurrent network on batches of sequences: its weights, its forward pass, and how rows become sequences."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

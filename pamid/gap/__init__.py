@@ -1,48 +1,20 @@
 """Diagnose the gap between a simulator and a log: where it lies, which effect causes it, how far it closes."""
 
-from .design.next_run import next_run
-from .diagnosis.findings import (
-    Band,
-    Candidate,
-    Cause,
-    Closure,
-    EquationFinding,
-    Event,
-    NextExperiment,
-    ParameterEstimate,
-    Region,
-    TrajectoryShare,
+from .._lazy import attach, homes
+
+_HOME = homes(
+    **{
+        "design.next_run": "next_run",
+        "diagnosis.findings": "Band Candidate Cause Closure EquationFinding Event NextExperiment ParameterEstimate "
+        "Region TrajectoryShare",
+        "diagnosis.localise": "state_table",
+        "diagnosis.result": "Diagnosis",
+        "evaluation": "evaluate evaluate_simulator",
+        "instruments": "InstrumentalRefit Instrumented refit_with_instruments",
+        "refit": "Refit refit_within_tolerance",
+        "several.logs": "diagnose diagnose_simulator",
+    }
 )
-from .diagnosis.localise import state_table
-from .diagnosis.result import Diagnosis
-from .evaluation import evaluate
-from .instruments import InstrumentalRefit, Instrumented, refit_with_instruments
-from .refit import Refit, refit_within_tolerance
-from .several.logs import diagnose
+"""In which module each public name lives."""
 
-diagnose_simulator, evaluate_simulator = diagnose, evaluate
-
-__all__ = [
-    "Band",
-    "Candidate",
-    "Cause",
-    "Closure",
-    "Diagnosis",
-    "EquationFinding",
-    "Event",
-    "InstrumentalRefit",
-    "Instrumented",
-    "NextExperiment",
-    "ParameterEstimate",
-    "Refit",
-    "Region",
-    "TrajectoryShare",
-    "diagnose",
-    "diagnose_simulator",
-    "evaluate",
-    "evaluate_simulator",
-    "next_run",
-    "refit_with_instruments",
-    "refit_within_tolerance",
-    "state_table",
-]
+__getattr__, __dir__, __all__ = attach(__name__, _HOME)

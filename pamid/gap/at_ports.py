@@ -7,6 +7,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ..simulators.base import Simulator
 from .design.experiment import next_for_equation
@@ -29,10 +31,7 @@ from .settings import EXCESS
 from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .several.stacked import StackedEvidence
-
 
 DROWNED = "Readings were predicted: undoing a fault of one in the equations would drown the rest in its noise."
 
@@ -83,8 +82,6 @@ def diagnose_evidence(
     change: Callable[[int], float] | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
     """Return the diagnosis of a log's evidence, and the residual of a learner on it."""
-    from threadpoolctl import threadpool_limits
-
     left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator

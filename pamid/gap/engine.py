@@ -1,12 +1,12 @@
 """Diagnose the gap between a simulator and a log of its bench."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
+from ..bench.parameters import BenchParameters
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
 from .diagnosis.answer import answer, untested
@@ -23,11 +23,6 @@ from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
 from .residuals.protocol import ResidualSource
 from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 
 def diagnose_bench(
@@ -91,8 +86,6 @@ def explain(
     `change` at one of so many borders, parts that disagree about an effect raise `RunsDifferError`. `heed` is told the
     outcome, and may raise where this evidence cannot judge it.
     """
-    from threadpoolctl import threadpool_limits
-
     if not evidence.equations:
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another

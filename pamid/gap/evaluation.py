@@ -1,13 +1,12 @@
 """The error of a simulator on a log, beside the noise of the sensors."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
 from ..errors import SimulatorWarning
@@ -16,13 +15,8 @@ from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from .inference.student_t import solve
 from .one_equation import equation_of, evidence_on, noise_of
+from .residuals.ports import PortEvidence
 from .simulated import evidence_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
-    from .residuals.ports import PortEvidence
 
 
 def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
@@ -75,8 +69,6 @@ def evaluate(
     >>> found["force"].rmse < 2.0 * found["force"].noise_floor  # N
     True
     """
-    import pandas as pd
-
     check_simulator(simulator)
     say = progress or (lambda _: None)
     sums: dict[str, dict[str, Sums]] = {}
@@ -125,3 +117,6 @@ def _warn_of_idle(evidence: PortEvidence) -> None:
                 SimulatorWarning,
                 stacklevel=3,
             )
+
+
+evaluate_simulator = evaluate

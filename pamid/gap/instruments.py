@@ -21,13 +21,13 @@ W. K. Newey, K. D. West, "A simple, positive semi-definite, heteroskedasticity a
 matrix", Econometrica 55(3), 1987. https://doi.org/10.2307/1913610
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..errors import FitError, IncompatibleError, MissingColumnError, ParameterError
 from ..simulators.base import Simulator
 from ..simulators.integrate import Runner, side_by_side
@@ -38,11 +38,6 @@ from .residuals.protocol import lanes
 from .residuals.states import measured_states
 from .residuals.stretches import FOLLOWS
 from .residuals.tolerances import SMALL, rms
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 ROUNDS = 6
 """Most simulations of the closed loop, each with the estimates of the one before."""

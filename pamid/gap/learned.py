@@ -11,8 +11,6 @@ A. Rahimi, B. Recht, "Random features for large-scale kernel machines", Advances
 Systems 20, 2007.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,11 +1,10 @@
 """One equation of any actuator against a model: its signals on a log, and their evidence."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..effects import Plant
 from ..equations.noise import channel_noise
@@ -22,9 +21,6 @@ from .residuals.single import SignalEvidence, Stated
 from .residuals.units import Units
 from .residuals.window_noise import REPLICATES
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 Again = Callable[[np.ndarray], Problem]
 """Takes the numbers of a simulator, returns the equation that it states with them."""
 _STUCK_SHARE = 0.02  # share of the range by which others must move for a reading that repeats itself to count as stuck
@@ -32,8 +28,6 @@ _STUCK_SHARE = 0.02  # share of the range by which others must move for a readin
 
 def equation_of(problem: Problem, sense: int = 1, interval: float = 1e-3, dt: float | None = None) -> OnEquation:
     """Return an equation on a log, under effects that act in a sense; an interval, s, serves without a time column."""
-    import pandas as pd
-
     X, roles, codes = problem.X, dict(problem.roles), problem.codes
     given = {role: X[column].to_numpy(dtype=float) for role, column in roles.items() if column in X}
     dt = sampling_interval(given, codes, interval) if dt is None else dt
@@ -181,8 +175,6 @@ def stated(log: pd.DataFrame, simulator: Simulator, refit: bool = False) -> Sign
 
 def noise_of(problem: Problem, simulator: Simulator, log: pd.DataFrame) -> np.ndarray:
     """Return the noise of the residual at each row, from copies of the log with as much noise again."""
-    import pandas as pd
-
     rng, drawn = np.random.RandomState(0), np.zeros((REPLICATES, len(problem.y)))
     runs = list(log.groupby("trajectory", sort=False).indices.values())
     sigma = {}
@@ -228,7 +220,5 @@ def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 
 def rebuilt(fields: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> Diagnosis:
     """Return the diagnosis that `plain` took apart."""
-    import pandas as pd
-
     table = {k: v.astype(object) if v.dtype.kind == "U" else v for k, v in columns.items()}
     return Diagnosis(**fields, nominal=None, corrected=None, windows=pd.DataFrame(table))

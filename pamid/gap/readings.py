@@ -5,8 +5,6 @@ with each other, without the simulator: what does not show there is not a cause 
 fault explains is their noise.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 
 import numpy as np

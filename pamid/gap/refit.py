@@ -1,22 +1,17 @@
 """Refit the parameters of a simulator within their tolerances, as a diagnosis does: the rest is a gap."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
+from ..bench.parameters import BenchParameters
 from ..equations.log import BenchLog
 from ..simulators.base import Simulator
 from .inference.gauss_newton import Fitter
 from .residuals.bench import Evidence
 from .settings import MAX_ROWS
 from .simulated import evidence_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
 
 
 class Refit(NamedTuple):

@@ -5,8 +5,6 @@ and doubles each and prints what changes. The weights behind the confidence in n
 `pamid.gap.diagnosis.trusted`. Numerical accuracy (rounds of a solver, draws, frequencies) is set where it is used.
 """
 
-from __future__ import annotations
-
 from math import log
 
 # --- how much is searched ----------------------------------------------------------------------------------------

@@ -7,8 +7,10 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..effects import Effect
+from ..errors import PamidError, ParameterError
 from ..simulators.base import Simulator
 from ..simulators.dimensions import unit_powers
 from ..simulators.forces import as_force, force_per_input
@@ -26,18 +28,18 @@ from .inference.gauss_newton import Fitter
 from .inference.run_off import Run
 from .inference.sensitivity import Template, laid
 from .inference.so_far import alone_so_far, in_words, stopped
+from .one_equation import stated
 from .residuals.between_rows import steps_taken
 from .residuals.direct import DirectEvidence
 from .residuals.part import MOST_ANSWERS, part_of
 from .residuals.ports import PortEvidence
 from .residuals.protocol import STATE, Spec
+from .residuals.shooting import ShootingEvidence
 from .residuals.states import measured_states
 from .residuals.tolerances import rms
 from .settings import EXCESS, LEAST_GAIN
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from .several.result import Change, LogFinding
     from .several.stacked import StackedEvidence
 
@@ -50,9 +52,7 @@ def evidence_of(
 
     Inputs are held or go in lines from row to row, whichever explains more, unless `lines` says so.
     """
-    from .one_equation import stated
     from .residuals.choice import BY_POSITION, PREDICTED_IF, better_derived, motion_is_hidden, sign_may_be_lost
-    from .residuals.shooting import ShootingEvidence
 
     if simulator.states_equation:
         return stated(log, simulator, refit)
@@ -128,11 +128,6 @@ def added(evidence: PortEvidence, found: Diagnosis) -> dict[str, dict[str, float
 
 def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFrame:
     """Return a simulator's response, its effects included, to a log's inputs, each run from its best initial state."""
-    import pandas as pd
-
-    from ..errors import ParameterError
-    from .residuals.shooting import ShootingEvidence
-
     if simulator.form == "algebraic":
         raise ParameterError(
             "The simulator is algebraic.", "one of states or of whole runs", "Call its output function."
@@ -145,10 +140,6 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
 
 def runner(evidence: PortEvidence) -> Run | None:
     """Return a function that simulates effects over a log's stretches; None where residuals are that already."""
-    from ..errors import PamidError
-    from .inference.gauss_newton import Fitter
-    from .residuals.shooting import ShootingEvidence
-
     if not isinstance(evidence, DirectEvidence) or evidence.simulator.form != "ode":
         return None
     made: list[tuple[ShootingEvidence, Fitter]] = []

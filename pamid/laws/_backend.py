@@ -4,8 +4,6 @@ The laws use only functions that both libraries name alike (``sqrt``, ``exp``, `
 torch is looked up, never imported: it can only be among the inputs if the caller has loaded it.
 """
 
-from __future__ import annotations
-
 import sys
 from types import ModuleType
 from typing import Any

@@ -10,8 +10,6 @@ any volume model meet any law and any trainer: a trainer needs one directional d
 :math:`(b_\varepsilon, 0, b_P, 0)` and never asks which law it serves.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 

@@ -4,8 +4,6 @@ r"""Gas in a chamber of changing volume, as functions of the volume and its rate
 in a simulation or in the residual of a log.
 """
 
-from __future__ import annotations
-
 from ..constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from ..explained import explained_by
 from ..signals.state import Array

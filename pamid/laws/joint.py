@@ -1,7 +1,5 @@
 """Two muscles that pull on one pulley against each other: kinematics, torque and motion."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Quasi-static force by virtual work, the law of `StaticPIHM` and of every geometric force model."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

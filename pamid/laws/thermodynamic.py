@@ -1,7 +1,5 @@
 """Gas flow into a chamber of changing volume, the law of `ThermodynamicPIHM`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Servo valve after ISO 6358: the mass flow that a command lets through."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """A servo valve by its measured map: mass flow over command and pressure, as a table of polynomials."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 

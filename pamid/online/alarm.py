@@ -10,8 +10,6 @@ alarms allowed. What it is takes longer to tell than that it is: from the moment
 fresh sums are taken, and the parameter is named that explains most of the residuals since.
 """
 
-from __future__ import annotations
-
 from statistics import NormalDist
 from typing import Any
 

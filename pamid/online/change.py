@@ -19,8 +19,6 @@ A. D. Sokal, "Monte Carlo methods in statistical mechanics", in: Functional Inte
 https://doi.org/10.1007/978-1-4899-0319-8_6
 """
 
-from __future__ import annotations
-
 import warnings
 from typing import Any, Self
 

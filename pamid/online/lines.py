@@ -1,7 +1,5 @@
 """Lines as they come, from a pipe or a growing file that may be replaced, cut short or gone for a while."""
 
-from __future__ import annotations
-
 import os
 import select
 import stat

@@ -1,7 +1,5 @@
 """An effect along a stream: its contribution to each sample, its memory carried from block to block."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,10 +1,8 @@
 """The diagnosis on a stream: which effect has appeared since the monitor was calibrated."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -191,7 +189,7 @@ class GapMonitor:
         """Channels whose sensor is stuck, with the time since when, s; they are left out."""
         return self.sensors.stuck
 
-    def calibrate(self, table: Any) -> GapMonitor:
+    def calibrate(self, table: Any) -> Self:
         """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence.
 
         Parameters

@@ -12,8 +12,6 @@ https://doi.org/10.1111/j.2517-6161.1976.tb01586.x). What is likely depends on t
 tells badly; it is learnt on from what blocks leave within themselves, which no jump between them changes.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

@@ -1,9 +1,7 @@
 """Whether a stream lets anything be seen right now, and if not, why; sensors that stand still although none did."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -67,7 +65,7 @@ class StillSensors:
         self.rests: set[str] = set()
         self.stuck: dict[str, float] = {}
 
-    def learn(self, channels: Mapping[str, np.ndarray]) -> StillSensors:
+    def learn(self, channels: Mapping[str, np.ndarray]) -> Self:
         """Note which channels rest while all is well, each of shape (n_samples,)."""
         self.rests = {name for name, x in channels.items() if any(_still(x[b]) for b in self._blocks(len(x)))}
         self.stuck = {}

@@ -1,7 +1,5 @@
 """Samples as they come: JSON lines checked, put on an even clock, with rates, in blocks."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -1,22 +1,17 @@
 """What a log says of a simulator's numbers beside its effects: values, errors, directions that it leaves open."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ImplausibleParameterError, SimulatorRunError
+from ..gap.residuals.ports import PortEvidence
 from ..gap.simulated import evidence_of
 from ..simulators import Simulator
 from ..simulators.ports import ModelParameter
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..gap.residuals.ports import PortEvidence
 
 WIDE = 0.9
 """Tolerance under which a fitted number may move: between a tenth of it and nearly twice as much. It only has to be far

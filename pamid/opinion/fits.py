@@ -1,13 +1,11 @@
 """Parameters that another tool fitted, read from the files that it writes, by the names of a simulator's numbers."""
 
-from __future__ import annotations
-
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 from ..errors import MissingDependencyError, ParameterError, SimulatorFileError, SimulatorNotFoundError
 from ..errors import SimulatorSyntaxError as Broken
@@ -15,9 +13,6 @@ from ..simulators import MujocoSimulator, Simulator
 from ..simulators.ports import ModelParameter
 from ..systems import all_systems, read_system
 from ..toml_files import TomlErrors, read_small_text, read_toml
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, SimulatorFileError, Broken)
 _QUANTITIES = {
@@ -77,7 +72,7 @@ class FittedParameters:
     model: Path | None = None
     source: str = ""
 
-    def of(self, simulator: Simulator) -> FittedParameters:
+    def of(self, simulator: Simulator) -> Self:
         """Return the fit by the names of a simulator's numbers.
 
         Parameters
@@ -115,7 +110,7 @@ class FittedParameters:
             )
         return replace(self, numbers=found, unmatched=tuple(left))
 
-    def _of_model(self, simulator: Simulator) -> FittedParameters:
+    def _of_model(self, simulator: Simulator) -> Self:
         assert self.model is not None
         if self.model.suffix.lower() == ".xml":
             model: Simulator = MujocoSimulator(self.model)

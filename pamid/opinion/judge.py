@@ -1,13 +1,12 @@
 """A second opinion: which fitted numbers hold, which took up physics that is missing, which this log cannot tell."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..explained import explained_by
 from ..gap.diagnosis.result import Diagnosis
@@ -16,9 +15,6 @@ from ..signals.frames import as_pandas
 from ..simulators import Simulator
 from .estimates import Open, estimates, freed
 from .fits import FittedNumber, FittedParameters, read_fit
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 LEVEL = 0.01
 """Probability of reporting, over all numbers of a fit, that one moved when it did so by chance."""

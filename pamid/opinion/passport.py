@@ -1,14 +1,15 @@
 """A parameter passport: numbers with intervals, the log on which they hold, what it leaves open; other rigs test it."""
 
-from __future__ import annotations
-
 import html
+import json
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ParameterError, SimulatorFileError, SimulatorNotFoundError, SimulatorSyntaxError
 from ..file_sets import replacing_together
@@ -17,9 +18,6 @@ from ..simulators import Simulator
 from ..toml_files import TomlErrors, read_toml
 from .estimates import freed, settled
 from .judge import LEVEL, NEGLIGIBLE, Opinion
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _ERRORS = TomlErrors(SimulatorNotFoundError, SimulatorFileError, SimulatorSyntaxError)
 _STYLE = (
@@ -101,7 +99,7 @@ class Passport:
     rigs: list[RigCheck] = field(default_factory=list)
 
     @classmethod
-    def of(cls, opinion: Opinion, log: str = "") -> Passport:
+    def of(cls, opinion: Opinion, log: str = "") -> Self:
         """Return the passport that an opinion gives.
 
         Parameters
@@ -117,7 +115,7 @@ class Passport:
         return cls(numbers, dict(opinion.ranges), flat, agreement, list(opinion.missing), log)
 
     # --- another log ----------------------------------------------------------------------------------------
-    def check(self, log: pd.DataFrame, simulator: Simulator, name: str) -> Passport:
+    def check(self, log: pd.DataFrame, simulator: Simulator, name: str) -> Self:
         """Return the passport, checked on another rig's log.
 
         Parameters
@@ -174,14 +172,12 @@ class Passport:
         return "\n".join(lines) + "\n"
 
     @classmethod
-    def from_text(cls, text: str) -> Passport:
+    def from_text(cls, text: str) -> Self:
         """Return the passport of a TOML text."""
-        import tomllib
-
         return cls._of(tomllib.loads(text))
 
     @classmethod
-    def read(cls, path: str | Path) -> Passport:
+    def read(cls, path: str | Path) -> Self:
         """Return the passport of a file.
 
         Raises
@@ -192,7 +188,7 @@ class Passport:
         return cls._of(read_toml(path, "a passport", _ERRORS))
 
     @classmethod
-    def _of(cls, table: Mapping[str, Any]) -> Passport:
+    def _of(cls, table: Mapping[str, Any]) -> Self:
         try:
             head = table["passport"]
             return cls(
@@ -271,8 +267,6 @@ def _rig(rig: RigCheck, name: str) -> str:
 def _toml(value: Any) -> str:
     """Return a value in TOML."""
     if isinstance(value, str):
-        import json
-
         return json.dumps(value, ensure_ascii=True)
     if isinstance(value, bool):
         return "true" if value else "false"

@@ -1,7 +1,5 @@
 """Plots of comparisons, fits and identified volumes, in one quiet style; matplotlib is imported when one is drawn."""
 
-from __future__ import annotations
-
 from .._lazy import attach
 
 _HOME = {

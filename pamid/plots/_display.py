@@ -1,14 +1,11 @@
 """What pictures of an estimator have in common: their axes, and the explanation of what all of them take."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..explained import explain, explain_methods
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 class DisplayMethods:

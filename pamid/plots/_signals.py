@@ -1,10 +1,9 @@
 """What a plot reads of a user's table: columns, runs, units on axes."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import MissingColumnError, MissingTrajectoryError, ShapeError
 from .style import SHOWN
@@ -53,8 +52,6 @@ def runs_of(X: Any, groups: Any) -> np.ndarray:
 
 def resting(estimator: Any, eps: np.ndarray, P: np.ndarray) -> Any:
     """Return states at rest as the table that an estimator was fitted on; columns without a role in them are 0."""
-    import pandas as pd
-
     table = pd.DataFrame({"eps": eps, "deps": 0.0, "P": P, "dP": 0.0})
     names = list(getattr(estimator, "feature_names_in_", table.columns))
     return table.reindex(columns=names, fill_value=0.0)

@@ -1,20 +1,16 @@
 """How the error falls with the samples of an adaptation."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
 from ..errors import ParameterError, ShapeError
 from ._display import Display
 from ._signals import predicted, runs_of, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, drawn_on, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MARKS = ("o", "s", "^", "D", "v")

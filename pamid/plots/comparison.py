@@ -1,15 +1,12 @@
 """Errors of estimators side by side."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from matplotlib.figure import Figure
 
 from .style import BLUE, FAINT, GREY, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def comparison_plot(comparison: Any, path: str | Path | None = None, *, title: str = "") -> Figure:

@@ -1,7 +1,5 @@
 """Curves of a run, thinned to what a picture can show: a spike of one row is drawn as high as it is."""
 
-from __future__ import annotations
-
 import numpy as np
 
 _COLUMNS = 700

@@ -1,20 +1,16 @@
 """Held-out predictions against measurements, over time and as loops."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from ..explained import explained_by
 from ..names import require_one_of
 from .comparison import comparison_plot
 from .style import BLUE, FAINT, NAMES, SHOWN, checked_ending, new_figure, save_figure, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 _STILL = 2e-3  # range of contraction below which a run is taken for isometric
 

@@ -1,11 +1,11 @@
 """Static force of a muscle over contraction and pressure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
@@ -13,10 +13,6 @@ from ..signals.thinning import spaced
 from ._display import Display
 from ._signals import resting
 from .style import drawn_on, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 
 @dataclass(eq=False, repr=False)

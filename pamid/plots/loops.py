@@ -1,21 +1,17 @@
 """Measured and predicted loops of single runs."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
 from ..errors import UnknownOptionError
 from ._display import Display
 from ._signals import axis_of, column, predicted, runs_of, same_length, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 

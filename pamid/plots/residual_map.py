@@ -1,20 +1,16 @@
 """Where over the state a model errs, and which way."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
 from ..errors import ParameterError
 from ._display import Display
 from ._signals import axis_of, column, predicted, same_length, target_of
 from .style import drawn_on, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 _BACK = "#E4E4E4"  # where there are no data
 _FEWEST = 3  # samples in a cell that is drawn

@@ -1,12 +1,12 @@
 """The gas volume over contraction and pressure, with how far it is known."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
@@ -15,10 +15,6 @@ from ..signals.thinning import spaced
 from ._display import Display
 from ._signals import column, resting, runs_of
 from .style import INK, drawn_on, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
 
 _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pale
 

@@ -1,22 +1,19 @@
 """The gas volume that an estimator has identified, and its slope, over the contraction."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..errors import ExcitationError, IncompatibleError, MissingColumnError
 from ..requirements import WithVolume
 from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _POINTS = 81
 _LEAST = 5e-3  # contraction over which a volume is drawn at least
@@ -154,8 +151,6 @@ class VolumeDisplay:
         return self
 
     def _draw(self, ax: Axes, slope: bool) -> None:
-        from matplotlib import colormaps
-
         values = self.V_eps if slope else self.V
         for name, (V, V_eps) in self.geometry.items():
             dash = (0, (1, 2)) if name == "cylinder" else (0, (4, 3))

@@ -1,19 +1,14 @@
 """Whether a residual is white and unrelated to inputs, as a picture."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
+from ..compare.whiteness import ResidualTest, residual_test
 from .style import BLUE, FAINT, GREY, ORANGE, new_figure, style
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from ..compare.whiteness import ResidualTest
 
 
 @dataclass(eq=False, repr=False)
@@ -102,8 +97,6 @@ class ResidualTestDisplay:
         ResidualTestDisplay
             To be drawn with ``plot``.
         """
-        from ..compare.whiteness import residual_test
-
         error = np.asarray(y, dtype=float) - np.asarray(predicted, dtype=float)
         return cls(residual_test(error, dict(inputs), groups, lags=lags, interval=interval))
 

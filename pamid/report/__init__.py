@@ -1,7 +1,5 @@
 """A diagnosis for people: its sentences, its pictures, and the page that holds both."""
 
-from __future__ import annotations
-
 from .._lazy import attach
 
 _HOME = {

@@ -1,19 +1,16 @@
 """What a cause is called and how large it is, in the quantity that an engineer would measure."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ..effects import Effect, Parameter, all_effects
+from ..gap.diagnosis.findings import Cause, ParameterEstimate
+from ..simulators import port_effects
 from ..simulators.dimensions import unit_powers
 from .quantities import amount, amount_within, effect, listed, parameter, placed, places, said_at, span
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Cause, ParameterEstimate
-    from .words import Words
+from .words import Words
 
 Estimates = Mapping[str, "ParameterEstimate"]
 
@@ -144,8 +141,6 @@ def _bounded(p: ParameterEstimate) -> bool:
 
 
 def _effect(name: str) -> type[Effect] | None:
-    from ..simulators import port_effects
-
     found = port_effects().get(name)
     return found[1] if found else all_effects().get(name)
 

@@ -1,18 +1,14 @@
 """A diagnosis in a notebook: its sentences and pictures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from html import escape
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
+
+from matplotlib.figure import Figure
 
 from ..errors import ParameterError, UnknownOptionError
+from ..gap.diagnosis.result import Diagnosis
 from .sentences import answers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ..gap.diagnosis.result import Diagnosis
 
 KINDS = ("map", "course", "loop", "ranking", "spectrum", "closure")
 """What can be drawn."""

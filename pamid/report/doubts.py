@@ -1,20 +1,15 @@
 """Whether an answer looks like a wrong unit, or like gauge pressure read as absolute: asked before anything else."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..gap.diagnosis.result import Diagnosis
 from .quantities import amount
 from .words import Words
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..gap.diagnosis.result import Diagnosis
 
 NEAR = 0.1
 """How near, as a share, an offset comes to the ambient pressure, or a factor to a power of ten, to be asked about."""

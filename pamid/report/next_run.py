@@ -1,7 +1,5 @@
 """A plan in words: expected results, and the meaning of each outcome."""
 
-from __future__ import annotations
-
 import math
 
 from ..gap.design.plan import AS_IT_IS, TELLS, Plan

@@ -1,23 +1,18 @@
 """The page: one file that opens anywhere, without a network."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ..explained import explained_by
 from ..files import write_whole
+from ..gap.diagnosis.result import Diagnosis
 from .quantities import typeset
 from .sections import Section, Source, all_sections
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from jinja2 import Environment
-
-    from ..gap.diagnosis.result import Diagnosis
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _UNIT = re.compile(r"(?<=\d) (?=%|(?:N|mg|Hz|bar|Pa|deg|rad|kg|K|m|s)\b)")
@@ -110,8 +105,6 @@ def write_report(diagnosis: Diagnosis, path: str | Path, source: Source | None =
 @cache
 def environment(templates: Path = _TEMPLATES) -> Environment:
     """Return the templates of a folder, which escape all text."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
     made = Environment(
         loader=FileSystemLoader(templates),
         autoescape=True,

@@ -1,16 +1,12 @@
 """What signals, equations and effects are called in text and on axes, and in which unit people read them."""
 
-from __future__ import annotations
-
 import math
 import re
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+from ..gap.diagnosis.findings import Cause
 from ..plots.style import SHOWN
 from ..simulators.between import ends_of
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Cause
 
 NOT_EFFECTS = ("none", "unknown")
 """Candidates that are no effects."""

@@ -1,15 +1,10 @@
 """What the ranking says of each candidate: how likely it is, what it closes, why it is not the answer."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
+from ..gap.diagnosis.findings import Candidate, Cause
+from ..gap.diagnosis.result import Diagnosis
 from .quantities import NOT_EFFECTS, percent, places, probability
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Candidate, Cause
-    from ..gap.diagnosis.result import Diagnosis
 
 
 def _cause_of(d: Diagnosis, c: Candidate) -> Cause | None:

@@ -1,12 +1,13 @@
 """A diagnosis in sentences, one for each of where, which and how far; command line, page and display share them."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+from ..equations import all_equations
+from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
+from ..gap.diagnosis.result import Diagnosis
 from .causes import cause_names, causes_listed, either, size
 from .doubts import question
 from .quantities import (
@@ -24,10 +25,6 @@ from .quantities import (
 from .several import changed
 from .when import when
 from .words import BENCH, Words
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
-    from ..gap.diagnosis.result import Diagnosis
 
 _MOST_OF_IT = 0.85  # equations are named until they hold this share of the gap
 _CONCENTRATED = 1.5  # a region is worth a word if it holds this many times its share of the samples
@@ -209,8 +206,6 @@ def _event_text(d: Diagnosis) -> str:
 
 def _left_out(d: Diagnosis) -> str:
     """Return which equations were not tested, and why."""
-    from ..equations import all_equations
-
     known = all_equations()
     tested = [known[e.equation] for e in d.equations if e.equation in known]
     together = [e for e in tested if set(e.combines) & set(d.not_tested)]
@@ -415,8 +410,6 @@ def _unseen(d: Diagnosis) -> str:
 
 def _errors(d: Diagnosis) -> str:
     """Return the errors of the first equations beside their noise."""
-    from ..equations import all_equations
-
     lines, known = [], all_equations()
     for finding in d.equations[:2]:
         part = d.windows[d.windows["equation"] == finding.equation]

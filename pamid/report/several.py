@@ -1,14 +1,9 @@
 """What a diagnosis of several logs says beyond that of one, in words."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
+from ..gap.several.result import Change
 from .quantities import amount, capital, effect, parameter
-
-if TYPE_CHECKING:
-    from ..gap.several.result import Change
 
 
 def changed(change: Change) -> str:

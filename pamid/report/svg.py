@@ -1,16 +1,12 @@
 """A figure as SVG that stands inside a page: it scales, asks for nothing off the page, and several do not collide."""
 
-from __future__ import annotations
-
 import io
 import re
 from html import escape
-from typing import TYPE_CHECKING
+
+from matplotlib.figure import Figure
 
 from ..plots.style import style
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _DPI = 160  # of what is drawn as cells of colour
 _ID = re.compile(r' id="([^"]*)"')

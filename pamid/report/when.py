@@ -1,15 +1,9 @@
 """In which run a gap lies, and from when to when, where it is confined to a part of the log."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ..gap.diagnosis.result import Diagnosis
 from .quantities import percent, run_named
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.result import Diagnosis
 
 _MOST = 0.85
 """Share of a gap that makes the part of a log in which it lies worth a sentence."""

@@ -1,18 +1,15 @@
 """What a diagnosis calls its signals, equations and numbers: a bench's words, or those of a simulator's ports."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
+from ..equations import all_equations
+from ..gap.diagnosis.result import Diagnosis
 from ..plots.style import SHOWN
 from ..simulators.dimensions import unit_powers
 from .quantities import SIGNALS, DisplayedQuantity
-
-if TYPE_CHECKING:
-    from ..gap.diagnosis.result import Diagnosis
 
 RESIDUALS = {
     "force": "force error",
@@ -49,7 +46,7 @@ class Words(NamedTuple):
     """The unit of each equation at ports."""
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis) -> Words:
+    def of(cls, diagnosis: Diagnosis) -> Self:
         """Return the words of a diagnosis."""
         simulator = diagnosis.nominal
         if simulator is None or not (ports := simulator.own_ports):
@@ -64,8 +61,6 @@ class Words(NamedTuple):
 
     def equation(self, name: str) -> str:
         """Return the title of an equation: the bench's own, or the quantity that a port's balances."""
-        from ..equations import all_equations
-
         known = all_equations()
         if not self.is_at_ports(name):
             return known[name].title() if name in known else name

@@ -4,8 +4,6 @@ Everything is imported when it is first used, so that ``import pamid.signals`` s
 name of a module here: the module, once imported, would hide it.
 """
 
-from __future__ import annotations
-
 from .._lazy import attach, homes
 
 _HOME = homes(

@@ -1,13 +1,11 @@
 """What the rows of a log must satisfy: finite values, increasing time, contiguous runs, steady sampling."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import (
     InterleavedTrajectoryError,
@@ -18,14 +16,10 @@ from pamid.errors import (
     TimeOrderError,
 )
 
+from .joining import Joined
 from .noise import median
 from .reading_notes import Readings
 from .stretches import equal_stretches
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .joining import Joined
 
 _MANY_DUPLICATES = 0.05
 _GAP = 20.0

@@ -1,27 +1,22 @@
 """From a table as it is in a file to a tidy frame: the mapping is applied here."""
 
-from __future__ import annotations
-
+import difflib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import ColumnTypeError, DuplicateColumnError, EmptyLogError, MappingError, MissingColumnError
 
-from .formats import TRAJECTORY, is_measured, names_column
+from .formats import TRAJECTORY, RawTable, is_measured, names_column
 from .formats._lists import list_elements
 from .mapping import LogMapping, SignalMapping
 from .robots import with_own_clock
 from .stamps import seconds_of_stamps
 from .units import UNITS, base_name, dimension_of, is_gauge_name
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .formats import RawTable
 
 _CLOCK = 1e8
 _NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
@@ -48,8 +43,6 @@ def tidy(
     table: RawTable, zero_run: pd.DataFrame | None, mapping: LogMapping, path: Path, *, several: bool = False
 ) -> Part:
     """Apply a mapping to one table."""
-    import pandas as pd
-
     raw = with_own_clock(_with_head(table, mapping), mapping)
     if len(raw) == 0:
         raise EmptyLogError(f"{path.name} holds no rows.", "a table of samples", "Record the log again.")
@@ -133,8 +126,6 @@ def _trajectory_column(raw: pd.DataFrame, mapping: LogMapping, path: Path) -> in
 
 def _words(raw: pd.DataFrame, mapping: LogMapping) -> tuple[str, ...]:
     """Note which columns hold text, such as remarks: they are left out."""
-    import pandas as pd
-
     at = names_column(raw.columns, mapping)
     found = [
         str(c) for k, c in enumerate(raw.columns)
@@ -147,8 +138,6 @@ def _by_own_names(
     table: RawTable, raw: pd.DataFrame, skip: int | None, mapping: LogMapping, path: Path
 ) -> dict[str, SignalMapping]:
     """Without a mapping: return every column under its own name, converted from the unit in brackets, if any."""
-    import pandas as pd
-
     if not table.named:
         raise MissingColumnError(
             f"{path.name} has {raw.shape[1]} columns without names.",
@@ -193,8 +182,6 @@ def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own
     if isinstance(column, str):
         if column in own:
             return own[column]
-        import difflib
-
         near = difflib.get_close_matches(column, own, n=1, cutoff=0.5)
         raise MissingColumnError(
             f"{path.name} has no column '{column}' for {signal}; it has {', '.join(list(own)[:20])}.",
@@ -212,8 +199,6 @@ def _position(raw: pd.DataFrame, column: str | int, signal: str, path: Path, own
 
 def numbers_of(column: pd.Series, signal: str, path: Path) -> np.ndarray:
     """Return the values of a signal's column; of a clock also stamps of date and time, as seconds."""
-    import pandas as pd
-
     if signal == "time" and pd.api.types.is_timedelta64_dtype(column):
         return column.dt.total_seconds().to_numpy()
     if signal == "time" and not pd.api.types.is_numeric_dtype(column):
@@ -360,8 +345,6 @@ def _names(
 
 def as_names(column: pd.Series) -> pd.Series:
     """Turn names of runs into text, exactly as written; numbers keep all digits."""
-    import pandas as pd
-
     if pd.api.types.is_string_dtype(column.dtype) and column.dtype != object:
         return column.fillna("")
     names = [_as_name(v) for v in column.to_numpy()]
@@ -375,8 +358,6 @@ def as_names(column: pd.Series) -> pd.Series:
 
 
 def _as_name(value: Any) -> str:
-    import pandas as pd
-
     if isinstance(value, str):
         return value
     if pd.isna(value):

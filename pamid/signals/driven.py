@@ -1,7 +1,5 @@
 """Rates of signals driven by a known input: the input explains the jumps of the rate, a smoother the rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

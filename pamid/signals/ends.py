@@ -1,7 +1,5 @@
 """Readings exactly at the end of a sensor's range."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

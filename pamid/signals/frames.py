@@ -1,7 +1,5 @@
 """Data frames of other libraries: those of polars and pyarrow are converted to pandas, lazy ones refused."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping
 from itertools import count, islice
 from pathlib import PurePath

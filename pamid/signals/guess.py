@@ -1,12 +1,11 @@
 """What the columns of an unknown log probably are: signals by their names, units by names and ranges."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 
@@ -14,9 +13,6 @@ from .headers import SIDES, Header, read_header
 from .unit_names import unit_name
 from .units import UNITS, base_name, dimension_of
 from .vocabulary import kinds_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _SIGNALS = ("time", "P", "F", "mdot", "eps", "L", "x", "q", "u", "voltage", "drive")  # the first that fits counts
 _NUMBERED = frozenset(("P", "F", "mdot", "u"))
@@ -280,8 +276,6 @@ def _unit_of(guess: Guess, values: np.ndarray, low: float, high: float) -> tuple
 
 
 def _numbers(column: pd.Series) -> np.ndarray:
-    import pandas as pd
-
     if not (pd.api.types.is_numeric_dtype(column) or pd.api.types.is_bool_dtype(column)):
         return np.zeros(0)
     values = column.to_numpy(dtype=float, na_value=np.nan)

@@ -1,7 +1,5 @@
 """What the header of a column says: words, unit, gauge or absolute."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -1,26 +1,21 @@
 """Commands and readings in separate files, each with its own time stamps, joined by time to one run."""
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..errors import LogError, MissingColumnError, TimeOrderError
 from .formats import TRAJECTORY, RawTable, format_of
+from .mapping import LogMapping
 from .robots import own_clock
 from .unit_names import find_unit
 from .vocabulary import kinds_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .mapping import LogMapping
 
 _TABLES = ("text (CSV)", "parquet")
 _COMMANDS = frozenset(("action", "control", "controls", "ctrl"))
@@ -146,8 +141,6 @@ def _wanted(mapping: LogMapping) -> set[str]:
 
 def _clock(frame: pd.DataFrame, mapping: LogMapping) -> str | None:
     """Return the column that is a table's clock."""
-    import pandas as pd
-
     own = own_clock(frame.columns, mapping)
     numeric = [c for c in frame.columns if isinstance(c, str) and pd.api.types.is_numeric_dtype(frame[c].dtype)]
     given = mapping.signals["time"].column if "time" in mapping.signals else "time"
@@ -158,8 +151,6 @@ def _clock(frame: pd.DataFrame, mapping: LogMapping) -> str | None:
 
 
 def _numbers(frame: pd.DataFrame, mapping: LogMapping) -> list[str]:
-    import pandas as pd
-
     clock = _clock(frame, mapping)
     return [str(c) for c in frame.columns if pd.api.types.is_numeric_dtype(frame[c].dtype) and c != clock]
 
@@ -173,8 +164,6 @@ def _commands(stem: str) -> bool:
 # --- joining -------------------------------------------------------------------------------------------------
 def _joined(folder: Path, tables: dict[str, pd.DataFrame], mapping: LogMapping, told: list[Joined]) -> RawTable:
     """Return one table at the times of the readings: commands are held, other signals interpolated."""
-    import pandas as pd
-
     clocks = {stem: str(_clock(frame, mapping)) for stem, frame in tables.items()}
     base = max(tables, key=lambda s: (not _commands(s), len(_numbers(tables[s], mapping)), len(tables[s])))
     uses = Counter(c for frame in tables.values() for c in _numbers(frame, mapping))

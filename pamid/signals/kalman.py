@@ -6,8 +6,6 @@ filterpy's ready-made kinematic filters measure sums of axes in version 2; F, H 
 Rauch, Tung and Striebel (1965), DOI 10.2514/3.3166; steady gain by the discrete Riccati equation.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import Any, NamedTuple
 

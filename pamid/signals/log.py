@@ -1,15 +1,16 @@
 """Reading a log of any format into one tidy frame: run, time, signals in SI."""
 
-from __future__ import annotations
-
 import csv
+import difflib
 import io
 import warnings
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pamid.errors import (
     ColumnTypeError,
@@ -26,7 +27,7 @@ from ..files import replacing
 from ..names import require_one_of
 from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error, with_names
 from ._tidy import Part, as_names, tidy
-from .formats import known_extensions
+from .formats import RawTable, known_extensions
 from .formats._variables import natural
 from .frames import as_pandas
 from .joining import sentence, sources
@@ -34,11 +35,6 @@ from .mapping import LogMapping
 from .plausibility import require_plausible
 from .readings import impossible, screen
 from .robots import data_set_files
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .formats import RawTable
 
 PathLike = str | Path
 MAX_BYTES = 16 * 2**30
@@ -143,8 +139,6 @@ def read_with_notes(
     max_bytes: int = MAX_BYTES,
 ) -> tuple[pd.DataFrame, Notes]:
     """Read logs as `read_log` does, and return notes instead of warning."""
-    import pandas as pd
-
     files = find_logs(paths)
     notes = Notes()
     frames = []
@@ -304,8 +298,6 @@ def _expand(path: Path) -> list[Path]:
         )
     near = ""
     if path.parent.is_dir():
-        import difflib
-
         close = difflib.get_close_matches(path.name, [p.name for p in path.parent.iterdir()], n=1)
         near = f" Did you mean {close[0]}?" if close else ""
     raise LogNotFoundError(f"No log at {path}.", "an existing file, folder or pattern", f"Correct the path.{near}")

@@ -1,7 +1,5 @@
 """How a log's own columns become signals in SI: names, units, references, constants, filters."""
 
-from __future__ import annotations
-
 import difflib
 import fnmatch
 import math
@@ -10,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, get_args, get_origin, get_type_hints
+from typing import Any, Self, get_args, get_origin, get_type_hints
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
@@ -85,7 +83,7 @@ class SignalMapping:
     own: bool = False
 
     @classmethod
-    def from_value(cls, signal: str, value: Any, own: bool = False) -> SignalMapping:
+    def from_value(cls, signal: str, value: Any, own: bool = False) -> Self:
         """Build from a column's name or position, or from a table of settings.
 
         Parameters
@@ -309,7 +307,7 @@ class LogMapping:
     own: tuple[str, ...] = ()
 
     @classmethod
-    def load(cls, source: LogMapping | Mapping[str, Any] | str | Path | None, own: Sequence[str] = ()) -> LogMapping:
+    def load(cls, source: Self | Mapping[str, Any] | str | Path | None, own: Sequence[str] = ()) -> Self:
         """Build from a dict, a TOML file, another mapping, or nothing.
 
         Parameters

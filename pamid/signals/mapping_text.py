@@ -1,7 +1,5 @@
 """A mapping of columns as a commented TOML file."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The noise of a signal, estimated from the signal itself."""
 
-from __future__ import annotations
-
 import numpy as np
 
 DIFFERENCE = 20.0**0.5

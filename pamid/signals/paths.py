@@ -1,7 +1,5 @@
 """What depends on the path of a signal, not on time: its reversals, and what follows it with play."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise

@@ -8,9 +8,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError
 from pamid.explained import explained_by
@@ -23,9 +24,6 @@ from .joining import is_joined
 from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
 from .thinning import spread_evenly, whole_trajectories
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 ROWS = 1_000_000
 """Rows of a piece, by default."""
@@ -149,8 +147,6 @@ def _spread(
     path: Path, sliced: Sliced, settings: LogMapping, most: int, nan: str, check_units: bool
 ) -> pd.DataFrame | None:
     """Read some of the runs of a file; None if they are known only after reading all, or if all are wanted."""
-    import pandas as pd
-
     unordered = settings.time_order == "split" or settings.zero_run is not None
     if sliced.rows <= most or not sliced.sorted or len(sliced.ends) < 2 or unordered:
         return None
@@ -183,8 +179,6 @@ class Sliced:
 def _pieces(
     files: list[Path], settings: LogMapping, rows: int, nan: str, sampling: str, check_units: bool, max_bytes: int
 ) -> Iterator[pd.DataFrame]:
-    import pandas as pd
-
     notes, taken = Notes(), dict[str, Path]()
     if is_joined(files, settings, max_bytes):
         log = read_log(files, settings, nan=nan, sampling=sampling, check_units=check_units, max_bytes=max_bytes)
@@ -350,7 +344,6 @@ def _hdf5_slices(
     path: Path, group: str, columns: list[str], ends: list[int], chosen: Collection[int] | None = None
 ) -> Iterator[pd.DataFrame]:
     import h5py
-    import pandas as pd
 
     with whole_file(path, (OSError,)), h5py.File(path, "r") as file:
         for number, (begin, end) in enumerate(zip([0, *ends], ends, strict=False)):

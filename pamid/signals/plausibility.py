@@ -1,7 +1,5 @@
 """Whether values look like the unit they should be in: plain cases only, worded as "looks like mm; expected m"."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Mapping
 from typing import Any, NamedTuple

@@ -1,7 +1,5 @@
 """Rates of measured signals: smoothing and differentiation of one run, tuned by the signal itself."""
 
-from __future__ import annotations
-
 import importlib
 import warnings
 from collections.abc import Sequence

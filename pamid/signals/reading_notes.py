@@ -1,16 +1,12 @@
 """Findings in the readings of a log as text: how often, where first, and what is done about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from .units import SI_UNITS, base_name, dimension_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 MISSING, USED = "taken as missing", "used as it is"
 

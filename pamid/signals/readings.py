@@ -3,13 +3,12 @@
 All commands share this check: it runs while a log is read, on signals in SI.
 """
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
+import pandas as pd
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import ReadingError
@@ -17,9 +16,6 @@ from pamid.errors import ReadingError
 from ._rows import blocks
 from .reading_notes import MISSING, USED, Readings
 from .units import base_name, dimension_of, is_gauge_name
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Rows: TypeAlias = np.ndarray | slice
 """Rows of a run: a slice where they follow one another, since what it takes is no copy."""

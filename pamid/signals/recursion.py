@@ -1,7 +1,5 @@
 r"""Recursive filters over several runs at once, as one solution of a triangular system of few diagonals."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

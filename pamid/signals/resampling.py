@@ -1,11 +1,10 @@
 """Resampling of logs to equal steps, and of logs with different rates to one rate, without aliasing."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import (
     ColumnTypeError,
@@ -19,9 +18,6 @@ from pamid.errors import (
 
 from ._rows import blocks
 from .rates import sampling_grid
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _PASS = 0.8
 _ATTENUATION = 60.0
@@ -70,8 +66,6 @@ def resample(log: pd.DataFrame, period: float | None = None, *, hold: Sequence[s
     >>> len(slow), bool(np.abs(slow["q"] - np.sin(2 * np.pi * slow["time"]))[5:-5].max() < 0.01)
     (50, True)
     """
-    import pandas as pd
-
     require_columns(log, ["trajectory", "time", *hold])
     if period is None:
         period = _longest_period([log])
@@ -107,8 +101,6 @@ def _carried(
     runs: Sequence[pd.DataFrame], name: Any, new: np.ndarray, period: float, hold: Sequence[str]
 ) -> pd.DataFrame:
     """Return the signals of a run, from one log or several, at new times."""
-    import pandas as pd
-
     columns: dict[str, object] = {"trajectory": np.repeat(name, len(new)), "time": new}
     for run in runs:
         t = run["time"].to_numpy(dtype=float)
@@ -118,8 +110,6 @@ def _carried(
 
 
 def _carry(column: pd.Series, t: np.ndarray, new: np.ndarray, period: float, *, hold: bool) -> np.ndarray:
-    import pandas as pd
-
     last = np.clip(np.searchsorted(t, new + 1e-9 * period, side="right") - 1, 0, len(t) - 1)
     if hold:
         return column.to_numpy()[last]
@@ -191,8 +181,6 @@ def merge_rates(logs: Sequence[pd.DataFrame], period: float | None = None, *, ho
     >>> list(both.columns), len(both), round(float(both["time"][0]), 3)
     (['trajectory', 'time', 'P', 'q'], 90, 0.1)
     """
-    import pandas as pd
-
     if not len(logs):
         raise ParameterError("No log is given.", "at least one", "Pass the logs to join.")
     seen: set[str] = set()

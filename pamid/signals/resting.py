@@ -1,7 +1,5 @@
 """Rows in which a position rests: there friction balances any drive, and the drive contains no information."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from .noise import noise_level

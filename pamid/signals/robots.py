@@ -1,18 +1,14 @@
 """Names of clock and runs in robot logs, whose other columns show which program wrote them."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from .formats import TRAJECTORY
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from .mapping import LogMapping
+from .mapping import LogMapping
 
 _SIGNS: tuple[tuple[frozenset[str], dict[str, str]], ...] = (
     (frozenset(("timestamp", "episode_index", "frame_index")), {"timestamp": "time", "episode_index": TRAJECTORY}),

@@ -3,8 +3,6 @@
 Savitzky and Golay (1964), DOI 10.1021/ac60214a047; cut-off: Schafer (2011), DOI 10.1109/MSP.2011.941097.
 """
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

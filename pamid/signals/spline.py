@@ -4,8 +4,6 @@ Reinsch (1967), DOI 10.1007/BF02162161; relaxed ends as a partial spline. `scipy
 gives the same natural spline, with fewer digits and in ten times the time.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 CURVED_ENDS = False

@@ -1,7 +1,5 @@
 """Splits by whole runs, by kinds of runs and by muscles, as scikit-learn's searches use them."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar

@@ -1,15 +1,9 @@
 """Dates and times of day, as people and programs write them, converted to seconds."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from .thinning import spaced
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _DATES = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%Y/%m/%d", "%d-%m-%Y", "%d.%m.%y", "%d-%b-%Y", "%d %b %Y", "%b %d, %Y")
 _TIMES = ("%H:%M:%S.%f", "%H:%M:%S", "%I:%M:%S.%f %p", "%I:%M:%S %p")
@@ -18,8 +12,6 @@ _FORMATS = (*_TIMES, *(f"{date} {time}" for date in _DATES for time in _TIMES))
 
 def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
     """Convert stamps of date and time (ISO 8601, local forms, times of day) to seconds from the first."""
-    import pandas as pd
-
     if pd.api.types.is_datetime64_any_dtype(column):
         return _seconds(column)
     stamps = pd.to_datetime(column, format="ISO8601", errors="coerce", utc=True)
@@ -44,8 +36,6 @@ def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
 
 
 def _seconds(stamps: pd.Series) -> np.ndarray:
-    import pandas as pd
-
     return ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(dtype=float, na_value=float("nan"))
 
 

@@ -1,7 +1,5 @@
 """The state of one muscle over many samples, the input of every law and volume model; roles of columns."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 Array = Any

@@ -1,7 +1,5 @@
 """Stretches of a signal over which it repeats one reading, as a stuck or clipped sensor does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from itertools import pairwise
 

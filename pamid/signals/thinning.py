@@ -1,19 +1,14 @@
 """Thinning of logs: every k-th row, or a maximum number of rows."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import ParameterError
 from pamid.explained import explained_by
 
 from ._rows import blocks
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def thinned_rows(

@@ -1,7 +1,5 @@
 """How much to smooth for the best rate: Stein's unbiased estimate of the error of the derivative."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Spellings of units, in English and German, and the unit of the table that each means."""
 
-from __future__ import annotations
-
 import difflib
 import re
 

@@ -1,7 +1,5 @@
 """Units of logs and their values in SI; the physical dimension of a signal's name."""
 
-from __future__ import annotations
-
 import re
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Words for the signals of a log, in English and German, and for its clock in some more languages."""
 
-from __future__ import annotations
-
 _WORDS = """
 time: t time zeit timestamp zeitstempel clock uhrzeit sec secs seconds elapsed datetime datum date stamp messzeit
 time: temps tiempo tempo tijd czas время 时间 時間 시간

@@ -1,18 +1,12 @@
 """Means and end-to-end differences over windows of time, which satisfy balances exactly."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from pamid.errors import ParameterError, ShortTrajectoryError
 
 from ._rows import blocks
 from .resampling import require_columns
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
@@ -54,8 +48,6 @@ def windows(log: pd.DataFrame, length: float) -> pd.DataFrame:
     >>> bool(np.allclose(w["dq"] * w["duration"], w["delta_q"])), len(w)
     (True, 4)
     """
-    import pandas as pd
-
     require_columns(log, ["trajectory", "time"])
     if not np.isfinite(length) or length <= 0:
         raise ParameterError(f"length is {length}.", "a positive time in s", "Correct it.")

@@ -1,7 +1,5 @@
 """What is in a log: columns, sampling, faults, excitation; what can be identified from it, and what to record next."""
 
-from __future__ import annotations
-
 from .._lazy import attach
 
 _HOME = {

@@ -1,7 +1,5 @@
 """What a log lets a diagnosis answer, class by class of effects, and what it lacks for the rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

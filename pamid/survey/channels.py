@@ -1,20 +1,15 @@
 """One channel of a log: range, noise, steps, missing, frozen and clipped readings."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..signals import noise_level
 from ..signals.noise import quantisation_step
 from ..signals.stretches import stretches_of, stuck_rows
 from ..signals.thinning import spaced
 from ..signals.units import SI_UNITS, base_name, dimension_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _MOTION = ("q", "eps", "x")
 _READINGS = ("P", "F", "mdot", "drive")  # a position may be constant while others move

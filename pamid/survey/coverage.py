@@ -1,20 +1,15 @@
 """How far a log excites what it records: ranges, speeds, directions, holds, bandwidth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from ..signals import differentiate, noise_level, tune_cutoff
 from ..signals.stretches import stretches_of
 from ..signals.thinning import spaced
 from .sampling import Sampling, between_pauses
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 _STILL = 0.02  # of the largest rate: slower counts as rest
 _HELD = 0.02  # of the range over all runs: a run that moves by less is held

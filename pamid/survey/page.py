@@ -1,16 +1,13 @@
 """A survey as one page that opens anywhere, without a network."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
+from matplotlib.figure import Figure
 
 from .survey import Survey
 from .words import channel_rows, sampling_sentence
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _BADGE = {"yes": "none", "partly": "class", "no": "unknown"}

@@ -1,20 +1,14 @@
 """Pictures of a log: what it covers, its first run, how fast it moves."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from ..plots.curves import drawn
 from ..plots.style import BLUE, GREY, ORANGE, new_figure, style
 from ..report.words import BENCH
 from ..signals.thinning import spaced
 from .coverage import Coverage, smoothed
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
 
 _MOST_POINTS = 4000
 

@@ -1,17 +1,12 @@
 """How a log is sampled: runs, rate, jitter, gaps, repeats."""
 
-from __future__ import annotations
-
 from collections import Counter
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..signals.splits import kind_of
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _GAP = 5.0  # sampling intervals
 _PAUSE = 20.0  # sampling intervals

@@ -1,17 +1,12 @@
 """Whether forces, flows and pressures of a log are consistent: the piston and the volume that they imply."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, TEMPERATURE
 from ..signals.units import base_name, is_gauge_name
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _LEAST_PISTON = 2e-6
 """m²: a seventh of what a muscle of 2 mm makes at 4 bar (6 N); in kN a muscle of 30 mm comes as far."""

@@ -1,19 +1,17 @@
 """Which effects of the library a log of the bench would show, and which it could not distinguish, by its simulator."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from ..bench import simulate
+from ..bench.parameters import BenchParameters
 from ..effects import all_effects
 from ..effects.registry import chosen_effects
-
-if TYPE_CHECKING:
-    from ..bench.parameters import BenchParameters
-    from ..equations.log import BenchLog
-    from ..gap.residuals.bench import Evidence
+from ..equations.log import BenchLog
+from ..gap.design.family import STANDARD
+from ..gap.residuals.bench import Evidence
 
 SEEN = 5.0
 """Standard deviations of the noise that an effect must stand out by."""
@@ -56,8 +54,6 @@ class Separation:
 
 def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:
     """Return how separable each effect of typical size is on a log, and the run that would distinguish most others."""
-    from ..gap.residuals.bench import Evidence
-
     evidence = Evidence(log.whole(_MOST_ROWS), params)
     names, D = _responses(evidence)
     gram = _products(D, evidence.J)
@@ -126,10 +122,6 @@ def _told(names: list[str], gram: np.ndarray) -> list[Separation]:
 
 def _best_run(evidence: Evidence, params: BenchParameters, names: list[str], gram: np.ndarray) -> dict[str, Any] | None:
     """Return the run among the diagnosis's candidates that would show or split most of the undecided effects."""
-    from ..bench import simulate
-    from ..gap.design.family import STANDARD
-    from ..gap.residuals.bench import Evidence
-
     if not names:
         return None
     open_ = _undecided(gram)

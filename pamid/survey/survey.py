@@ -1,27 +1,24 @@
 """Everything about a log in one place."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
+
+from ..bench.parameters import BenchParameters
 from ..equations.log import BenchLog
 from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
 from ..json_data import json_ready
+from ..signals.frames import as_pandas
 from ..signals.guess import guess_kind
+from ..systems import System
 from .answerable import Answerable, answerable
 from .channels import Channel, channels_of
 from .coverage import Coverage, coverage_of, first_of
 from .sampling import Sampling, sampling_of
 from .scales import scale_doubts
 from .separation import Separation, separation
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..bench.parameters import BenchParameters
-    from ..systems import System
 
 _UNITS = {"frequency": " rad/s", "amplitude": "°", "angle": "°", "start": "°", "end": "°", "rise": " Pa"}
 _LEAST_BITS = 6.0
@@ -119,9 +116,6 @@ def survey(log: pd.DataFrame, simulator: BenchParameters | System | None = None)
     >>> found.sampling.runs, round(found.sampling.rate), found.coverage.position
     (1, 1000, 'q')
     """
-    from ..signals.frames import as_pandas
-    from ..systems import System
-
     log = as_pandas(log)
     if not len(log):
         raise EmptyLogError("The log has no rows.", "at least one run", "Check how it was written.")

@@ -1,7 +1,5 @@
 """A survey in words and cells, for the terminal and for the page."""
 
-from __future__ import annotations
-
 import math
 
 from .channels import Channel

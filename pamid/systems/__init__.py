@@ -3,8 +3,6 @@
 A module of this package that defines a `System` adds a kind; ``pamid init --kind`` and ``pamid diagnose`` then know it.
 """
 
-from __future__ import annotations
-
 from .._lazy import attach, homes, renamed
 
 _HOME = homes(

@@ -7,7 +7,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import pandas as pd
 
 from ..effects.spec import EffectLike, EffectSpec
 from ..errors import (
@@ -19,17 +22,13 @@ from ..errors import (
     SimulatorTypeError,
 )
 from ..face import AnySimulator
+from ..files import write_whole
 from ..names import REMOVE, refuse_others, require_one_of
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS
 from ..simulators.base import Simulator
 from ..simulators.ports import ModelParameter, Port
 from ..simulators.problem import COUNTS, Problem
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
 
 FIT = "fit"
 """Instead of a number: it is fitted to the log."""
@@ -321,8 +320,6 @@ class System(Simulator, ABC):
 
     def pieces(self, logs: Iterable[pd.DataFrame]) -> list[pd.DataFrame]:
         """Return a log as a whole, since some numbers may be fitted to it."""
-        import pandas as pd
-
         return [pd.concat(logs, ignore_index=True)]
 
     def spoken(self, log: pd.DataFrame, columns: Mapping[str, str]) -> dict[str, str]:
@@ -345,7 +342,6 @@ class System(Simulator, ABC):
 
     def to_toml(self, path: str | Path) -> None:
         """Write the simulator file of the system, whole or not at all."""
-        from ..files import write_whole
         from ..gap.residuals.units import Units
 
         units, text = Units(**self.units), self.text(self.values)
@@ -443,8 +439,6 @@ class System(Simulator, ABC):
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:
     """Return time and signals with their rates, taken within each run."""
-    import numpy as np
-
     from ..signals import differentiate
 
     X = log[["time", *columns]].copy()

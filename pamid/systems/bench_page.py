@@ -1,7 +1,5 @@
 """The simulator file of the antagonistic bench, commented for somebody who fills it in for the first time."""
 
-from __future__ import annotations
-
 from collections.abc import Collection
 
 from ..bench.parameters import TABLES, BenchParameters

@@ -1,12 +1,11 @@
 """Models of a system's one equation compared with each other on runs that their fits have not seen."""
 
-from __future__ import annotations
-
 import fnmatch
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 from sklearn.base import BaseEstimator, RegressorMixin
 
 from ..compare.comparison import Comparison
@@ -17,9 +16,6 @@ from ..equations.noise import channel_noise
 from ..errors import UnknownOptionError
 from ..simulators.problem import Problem
 from .base import System, with_rates
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _STILL = 0.05  # of the highest speed, at which the smoothed sign of the motion is three quarters
 
@@ -123,7 +119,7 @@ def _table(problem: Problem) -> tuple[pd.DataFrame, tuple[str, ...]]:
 class _Nominal(RegressorMixin, BaseEstimator):
     """The last column as it is."""
 
-    def fit(self, X: Any, y: Any) -> _Nominal:
+    def fit(self, X: Any, y: Any) -> Self:
         self.n_parameters_ = 0
         return self
 

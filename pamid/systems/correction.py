@@ -1,19 +1,14 @@
 """The nominal equation of a system with the effects that its simulator file adds."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ..effects import EffectSpec
 from ..gap.one_equation import equation_of, sampling_interval
 from ..simulators.placement import Scales
 from ..simulators.problem import Problem
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 
 class WithEffects:

@@ -1,19 +1,15 @@
 """A pneumatic cylinder: force against pressure times area."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+
+import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..effects.spec import EffectLike
 from ..simulators.problem import Problem
 from .base import Choice, Input, Quantity, System
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
 
 _SENSES: dict[str, str | int] = {"unknown": "auto", "delivered": 1, "imposed": -1}
 

@@ -1,12 +1,13 @@
 """The first draft of a mapping and a simulator file for a log that nobody has described yet."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import pandas as pd
+
+from ..bench.parameters import NUMBERS, BenchParameters
 from ..errors import MappingError, UnitError
 from ..names import require_one_of
 from ..signals.formats import RawTable
@@ -22,9 +23,6 @@ from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
 from .raw import clock_settings, read_raw, run_columns
 from .reference import disagreement, zero_of_force
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _TYPICAL = {"rest_length": 0.2, "rest_diameter": 0.02, "bore": 0.025}
 _SHARES = {name for name, unit in UNITS.items() if unit.dimension == "ratio"}
@@ -75,8 +73,6 @@ class Draft:
 
     def column(self, name: str | int) -> pd.Series:
         """Return a column of all runs, one after the other."""
-        import pandas as pd
-
         frames = [t.frame for t in self.tables]
         if isinstance(name, int):
             return pd.concat([f.iloc[:, name] for f in frames if f.shape[1] > name], ignore_index=True)
@@ -339,8 +335,6 @@ class Draft:
         if self.ports:
             return self.page
         if self.kind == "bench":
-            from ..bench.parameters import BenchParameters
-
             given = {k: v if k == "name" else parse_quantity(v, k) for k, v in self.numbers.items()}
             return bench_text(BenchParameters.for_muscle("B").replace(**{"name": "my muscle", **given}), self.assumed())
         cls = all_systems()[self.kind]
@@ -399,8 +393,6 @@ def _comment(guess: Guess, meaning: str, supposed: str = "") -> str:
 def given_numbers(pairs: Mapping[str, str], kind: str) -> dict[str, Any]:
     """Return numbers of a simulator file, checked one by one."""
     if kind == "bench":
-        from ..bench.parameters import NUMBERS, BenchParameters
-
         found: dict[str, Any] = {}
         for name, value in pairs.items():
             if name != "name":

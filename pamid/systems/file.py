@@ -1,7 +1,5 @@
 """The simulator file of a system: a TOML file with its kind and its numbers."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ..bench.simulator_file import ERRORS

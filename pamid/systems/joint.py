@@ -1,11 +1,10 @@
 """A driven joint with a lever: its drive against inertia and gravity."""
 
-from __future__ import annotations
-
 from collections.abc import Collection, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..effects.spec import EffectLike
 from ..errors import ExcitationError, MissingColumnError, MissingParameterError
@@ -13,9 +12,6 @@ from ..signals.resting import at_rest, resting_rows
 from ..signals.savgol import rate_over
 from ..simulators.problem import Problem
 from .base import FIT, Choice, Input, Quantity, System
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _FULL = 0.95  # of the limit: beyond it a controller's demand is unknown
 _TELLING = 0.02  # of a lever's moment: a smaller change of cos q cannot be told from an offset (settings.py --computed)
@@ -99,8 +95,6 @@ class Joint(System):
 
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
         """Return the equation of the drive on a log; see `System.nominal_problem`."""
-        import pandas as pd
-
         self.require(log)
         drive, usable, unit, notes = self._drive(log)
         q = log["q"].to_numpy(dtype=float)

@@ -1,10 +1,7 @@
 """A single muscle: force, or flow, against its geometry."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
 from ..bench.parameters import BenchParameters
 from ..constants import ATMOSPHERIC_PRESSURE, TEMPERATURE
@@ -13,9 +10,6 @@ from ..errors import MissingColumnError
 from ..signals.state import STATE_ROLES
 from ..simulators.problem import Problem
 from .base import Input, Quantity, System, with_rates
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _OWN = "rest_length", "rest_diameter", "braid_angle", "atmospheric_pressure", "temperature"
 

@@ -1,22 +1,18 @@
 """The tables of raw logs before anything is known of them, and the runs that their clocks and variables show."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..errors import ColumnTypeError
 from ..signals.formats import RawTable, format_of
 from ..signals.joining import is_joined, sources
 from ..signals.log import MAX_BYTES
 from ..signals.mapping import LogMapping
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _JUMP = 20.0  # sampling intervals: a step of time this long within the first rows is the recorder, not the run
 _FIRST = 0.02

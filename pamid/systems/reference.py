@@ -1,18 +1,14 @@
 """Whether a pressure is gauge or absolute, by the force that it makes; whether force, pressure and size agree."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import PamidError
 from ..signals.thinning import spaced
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 _TIMES = 3.0
 """How many times larger the error under one reading has to be than under the other: offsets of load cells and the

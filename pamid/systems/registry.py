@@ -1,7 +1,5 @@
 """Find the kinds of systems."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from .._discovery import subclasses

@@ -1,7 +1,5 @@
 """The volume network and its trainers (needs torch; loaded when a network is trained)."""
 
-from __future__ import annotations
-
 import re
 
 from .._discovery import subclasses

@@ -1,7 +1,5 @@
 """Algorithms 1 and 2 of the study as printed: Adam with the decay in loss and gradient, and ε inside the root."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from contextlib import ExitStack, nullcontext

@@ -1,7 +1,5 @@
 """Algorithms 1 and 2 of the study as their authors' public notebooks ran them, where that differs from the print."""
 
-from __future__ import annotations
-
 from dataclasses import KW_ONLY
 from typing import ClassVar
 

@@ -1,7 +1,5 @@
 """Fit the geometric anchor of a hybrid model: few parameters, physical bounds, a weak prior where data are silent."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ memory that is already in the cache, each by the library that is quicker at it: 
 the ramp and thin products by torch.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager

@@ -10,8 +10,6 @@ are all that is ever needed of the Jacobian: its products with vectors, and the 
 sum over layers of elementwise products of small Gram matrices.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -7,8 +7,6 @@ Which strength comes out best varies from draw to draw, as some runs tell little
 at the best one varies little; with a prior on how far a weight moves, that gives a strength which can be relied on.
 """
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

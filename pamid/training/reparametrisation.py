@@ -1,7 +1,5 @@
 """What a trainer needs of a reparametrised network: fewer or other parameters psi than the network's own theta."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from torch import Tensor

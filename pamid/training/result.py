@@ -1,7 +1,5 @@
 """What a trainer returns, and why it stopped."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum

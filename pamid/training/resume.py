@@ -1,7 +1,5 @@
 """Trainings that survive being killed: state on disk, whole, in a file named after what is being trained."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json

@@ -1,7 +1,5 @@
 """What a trainer is, and the loop that all trainers share: best so far, early stopping, callbacks, interruption."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Any, ClassVar

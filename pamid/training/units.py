@@ -1,7 +1,5 @@
 """Units that a trainer asks a network to be trained in, instead of the spread of its data."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """A geometric volume plus a network's correction that fades outside the data."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..signals.state import Array, State

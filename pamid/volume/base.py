@@ -1,7 +1,5 @@
 """What a volume model is: the gas volume of a muscle and its two derivatives."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 from ..signals.state import Array, State

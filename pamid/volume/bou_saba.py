@@ -1,7 +1,5 @@
 """Braided cylinder with a free power of the stretch: a form of our own in the spirit of Bou Saba and coworkers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -98,7 +96,7 @@ class BouSabaVolume(ClassicalVolume):
         return VolumeJet(V, V0 * (a * held**self.exponent - b), 0.0 * V)
 
 
-@explained_by(force)
+@explained_by(force, BouSabaVolume)
 def bou_saba(
     P: Array,
     eps: Array,
@@ -112,22 +110,6 @@ def bou_saba(
 
     .. math:: F = \pi r_0^2 (P - P_\mathrm{atm})
         \left[\frac{3 (1 - \varepsilon)^\nu}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right]
-
-    Parameters
-    ----------
-    rest_diameter, braid_angle : float
-        D₀ (m) and θ₀ (rad) at rest.
-    exponent : float, default=2
-        ν, dimensionless.
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        F, N.
-
-    References
-    ----------
-    See `BouSabaVolume`.
 
     Examples
     --------

@@ -1,7 +1,5 @@
 """Cylinder in an inextensible double-helix braid: Chou and Hannaford."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -75,7 +73,7 @@ class BraidedVolume(ClassicalVolume):
         return VolumeJet(V, V0 * (square - b), 0.0 * V)
 
 
-@explained_by(force)
+@explained_by(force, BraidedVolume)
 def chou_hannaford(
     P: Array,
     eps: Array,
@@ -84,24 +82,10 @@ def chou_hannaford(
     braid_angle: Array,
     atmospheric_pressure: Array = ATMOSPHERIC_PRESSURE,
 ) -> Array:
-    r"""Tension of a braided cylinder.
+    r"""Tension of a braided cylinder, whatever its length.
 
     .. math:: F = (P - P_\mathrm{atm})\,\frac{\pi D_0^2}{4}
         \left[\frac{3 (1-\varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right]
-
-    Parameters
-    ----------
-    rest_diameter, braid_angle : float
-        D₀ (m) and θ₀ (rad) at rest. The length plays no part.
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        F, N.
-
-    References
-    ----------
-    See `BraidedVolume`.
 
     Examples
     --------

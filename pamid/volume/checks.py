@@ -1,7 +1,5 @@
 """Does a volume make physical sense?"""
 
-from __future__ import annotations
-
 import warnings
 from typing import NamedTuple
 

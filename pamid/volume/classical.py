@@ -3,8 +3,6 @@
 A new classical model is one new file in this folder: a frozen dataclass that derives from `ClassicalVolume`.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple, Self

@@ -1,7 +1,5 @@
 r"""A braided muscle whose bladder must first be pressed against the braid: the anchor of the hybrid models."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Rigid cylinder with a piston: the plain yardstick, and the model of a pneumatic cylinder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """Find the classical volume models: every class in this folder's modules that says its name."""
 
-from __future__ import annotations
-
 from functools import cache
 
 from .._discovery import subclasses

@@ -1,7 +1,5 @@
 """Force and flow of any volume model as plain functions of the signals."""
 
-from __future__ import annotations
-
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
 from ..laws.quasi_static import QuasiStaticForce
 from ..laws.thermodynamic import ThermodynamicFlow

@@ -1,7 +1,5 @@
 """Polynomial effective area −dV/dL: Hildebrandt and coworkers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -79,27 +77,13 @@ class HildebrandtVolume(ClassicalVolume):
         return VolumeJet(V, self.rest_length * horner(self.areas, state.eps), 0.0 * V)
 
 
-@explained_by(force)
+@explained_by(force, HildebrandtVolume)
 def hildebrandt(
     P: Array, eps: Array, *, areas: tuple[Array, ...], atmospheric_pressure: Array = ATMOSPHERIC_PRESSURE
 ) -> Array:
     r"""Tension with a polynomial effective area.
 
     .. math:: F = (P - P_\mathrm{atm}) \sum_k a_k \varepsilon^k
-
-    Parameters
-    ----------
-    areas : tuple of float
-        a_0 ... a_d, m².
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        F, N.
-
-    References
-    ----------
-    See `HildebrandtVolume`.
 
     Examples
     --------

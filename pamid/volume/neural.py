@@ -8,10 +8,9 @@ Inside the range the clamp `c` is the identity; outside its slope fades to zero,
 and with them the force or flow that a law reads from the network, fade too instead of growing without bound.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 from scipy.special import expit
@@ -58,7 +57,7 @@ class InputScale:
     fade: float = 0.5
 
     @classmethod
-    def of(cls, x: np.ndarray, weight: np.ndarray | None = None, *, correction: bool = False) -> InputScale:
+    def of(cls, x: np.ndarray, weight: np.ndarray | None = None, *, correction: bool = False) -> Self:
         """Measure the scale of inputs of shape (n_samples, 4), for a network or for a correction to a geometry."""
         w = np.ones(len(x)) if weight is None else weight
         x, w = x[w > 0], w[w > 0]

@@ -1,7 +1,5 @@
 """Polynomial volume: Itto and Kogiso, Hošovský and coworkers."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 

@@ -1,7 +1,5 @@
 """A volume model times a factor, plus a constant: one muscle's volume seen as another's."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..signals.state import Array, State

@@ -1,7 +1,5 @@
 """Braided cylinder with conical ends and braid friction: Tondu and Lopez."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
@@ -113,7 +111,7 @@ class TonduLopezVolume(ClassicalVolume):
         )
 
 
-@explained_by(force)
+@explained_by(force, TonduLopezVolume)
 def tondu_lopez(
     P: Array,
     eps: Array,
@@ -128,22 +126,6 @@ def tondu_lopez(
 
     .. math:: F = \pi r_0^2\, p \left[\frac{3 (1 - k\varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right],
         \quad k = a_k e^{-p/p_0} + b_k, \quad p = P - P_\mathrm{atm}
-
-    Parameters
-    ----------
-    rest_diameter, braid_angle : float
-        D₀ (m) and θ₀ (rad) at rest.
-    end_cap, end_cap_rise : float
-        b_k and a_k, dimensionless; :math:`p_0` is 1 bar.
-
-    Returns
-    -------
-    array, shape (n_samples,)
-        F, N.
-
-    References
-    ----------
-    See `TonduLopezVolume`.
 
     Examples
     --------

@@ -1,7 +1,5 @@
 """``pamid completion``: a script that lets a shell complete commands, options and choices."""
 
-from __future__ import annotations
-
 import argparse
 from typing import Any
 

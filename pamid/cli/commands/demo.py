@@ -1,7 +1,5 @@
 """``pamid demo``: the main commands on simulated data, one by one."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import shlex

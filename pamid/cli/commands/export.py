@@ -1,7 +1,5 @@
 """``pamid export``: a saved model as C99, ONNX or an FMU."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

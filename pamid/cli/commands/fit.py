@@ -1,7 +1,5 @@
 """``pamid fit``: fit an estimator to a log, say how well it holds on unseen runs, save it."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from typing import Any

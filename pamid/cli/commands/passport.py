@@ -1,7 +1,5 @@
 """``pamid passport``: test the parameters of a passport on the log of another system."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

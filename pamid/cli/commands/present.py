@@ -1,8 +1,7 @@
 """``pamid present``: a saved model as a page of text: what it is, its parameters with errors, its fit, its poles."""
 
-from __future__ import annotations
-
 import argparse
+import inspect
 from typing import Any
 
 from ...requirements import last_step, parameter_count
@@ -67,8 +66,6 @@ def _fits(metadata: dict[str, Any]) -> dict[str, dict[str, float]]:
 
 def _settings(model: Any) -> dict[str, str]:
     """Return the settings that differ from the defaults."""
-    import inspect
-
     defaults = {k: p.default for k, p in inspect.signature(type(model)).parameters.items()}
     given = model.get_params(deep=False)
     return {k: str(v) for k, v in given.items() if str(v) != str(defaults.get(k))}

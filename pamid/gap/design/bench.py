@@ -1,28 +1,22 @@
 """The bench as a rig: its runs are simulated under its controller, with the noise of its own sensors."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...bench import Controller, simulate
+from ...bench.parameters import BenchParameters
+from ...bench.references import Trajectory
 from ...bench.sensors import Sensor
 from ...errors import DivergedError, ExcitationError
+from ..diagnosis.rivals import Rival
+from ..inference.gauss_newton import Fit
 from ..residuals.bench import Evidence
 from .family import DesignedRun, Limits, StandardRun
 from .followed import controller_of
 from .rig import Rig
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
-    from ...bench.references import Trajectory
-    from ..diagnosis.rivals import Rival
-    from ..inference.gauss_newton import Fit
 
 CHANNELS = ("q", "P", "F", "mdot")
 
@@ -55,8 +49,6 @@ class Bench(Rig):
     def _simulated(
         self, actual: BenchParameters, told: Sequence[Trajectory], which: list[int]
     ) -> tuple[pd.DataFrame, list[int]]:
-        import pandas as pd
-
         try:
             runs = [told[k] for k in which]
             return simulate(actual, runs, seed=0, sensors=self.sensors, controller=self.controller), which

@@ -1,20 +1,15 @@
 """The run that would confirm the finding of a monitor."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...bench import simulate, sine
+from ...bench.parameters import BenchParameters
 from ...effects import all_effects
 from ..diagnosis.rivals import Rival
 from .family import DesignedRun, Limits
 from .search import plan_next
-
-if TYPE_CHECKING:
-    from ...bench.parameters import BenchParameters
 
 LIKE = {
     "force": ("coulomb_friction", "viscous_friction", "hysteresis", "bladder_elasticity", "force_bias"),

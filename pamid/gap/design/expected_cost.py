@@ -10,8 +10,6 @@ hypothesis leaves noise. A few windows that are far off therefore count by their
 diagnosis (`pamid.gap.inference.student_t`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..inference.student_t import GAUSSIAN

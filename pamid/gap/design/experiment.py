@@ -1,14 +1,12 @@
 """The run that a diagnosis itself proposes: for a bench from a short list, for an equation within the log's range."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...bench.references import PERIOD
 from ...errors import ExcitationError
+from ..diagnosis.decide import Verdict
 from ..diagnosis.findings import NextExperiment
 from ..diagnosis.rivals import Rival
 from ..residuals.bench import Evidence
@@ -23,9 +21,6 @@ from .port_family import PortLimits
 from .ports import EquationRig
 from .score import Discrimination
 from .search import plan_as_is
-
-if TYPE_CHECKING:
-    from ..diagnosis.decide import Verdict
 
 
 def next_experiment(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 
 from ...bench import references
 from ...bench.references import LEAD, PERIOD, Trajectory
@@ -15,9 +16,6 @@ from ...errors import ParameterError, UnknownOptionError
 from ...names import refuse_others, require_one_of
 from .rig import Family
 from .tones import TONES, motion, slewed
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "hold", "isobaric", "isometric", "sealed")
 """A sine, a triangle, square steps, four sines, the joint held, a sine during which one muscle stays at constant
@@ -194,8 +192,6 @@ class DesignedRun:
 
     def set_points(self, name: str) -> pd.DataFrame:
         """Return the references of the controller, sample by sample, see `Plan.set_points`."""
-        import pandas as pd
-
         run = self.trajectory(name)
         n = len(run.q_ref)
         return pd.DataFrame(

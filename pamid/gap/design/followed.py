@@ -10,22 +10,16 @@ supply:
 which is linear in f, k_p, k_d and c; a prior about the simulator's own gains fixes what slow runs leave open.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
 from ...bench import Controller
 from ...bench.controller import joint_at_rest
 from ...bench.kinematics import contraction
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
+from ...bench.parameters import BenchParameters
 
 READ = ("q_ref", "q", "P1", "P2", "u1", "u2")
 SMOOTH = 15

@@ -1,7 +1,5 @@
 """An explanation with its posterior from the earlier logs, and draws from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol

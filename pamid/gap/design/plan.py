@@ -1,15 +1,12 @@
 """The plan of the next runs: inputs, expected results, and the meaning of each outcome."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from ...json_data import json_ready
 from .rig import Family
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 AS_IT_IS = "as it is"
 """The rig without a change."""
@@ -94,8 +91,6 @@ class Plan:
 
     def set_points(self) -> pd.DataFrame:
         """Return the set points of the runs, sample by sample, for the real rig."""
-        import pandas as pd
-
         parts = [run.set_points(name) for name, run in zip(self.names, self.runs, strict=True)]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 

@@ -6,17 +6,15 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
+import pandas as pd
 
 from ...errors import ParameterError
 from ...simulators.port_log import PortLog
 from .rig import Family
 from .tones import TONES, motion, slewed
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 KINDS = ("sine", "triangle", "steps", "multisine", "chirp", "hold")
 """What an input does: a sine, a triangle, steps back and forth, four sines, a sine that becomes faster, or nothing."""
@@ -221,8 +219,6 @@ class PortRun:
 
     def set_points(self, name: str) -> pd.DataFrame:
         """Return each input in its column, sample by sample."""
-        import pandas as pd
-
         columns = {self.limits.columns.get(k, k): v for k, v in self.values().items()}
         return pd.DataFrame({"trajectory": name, "time": np.round(self.time, 9), **columns})
 

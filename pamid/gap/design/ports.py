@@ -1,13 +1,12 @@
 """Simulators with ports and equations as rigs: inputs within their limits, readings near the logs, changed numbers."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
+import pandas as pd
 
 from ...errors import ExcitationError, ParameterError
 from ...names import refuse_others
@@ -24,9 +23,6 @@ from ..simulated import evidence_of
 from .known import cleaned, fit_of
 from .port_family import PortLimits, PortRun
 from .rig import DESIGNS, FEW, Rig
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 TIMES = 0.5, 2.0
 """Other values of a parameter, as multiples, that are tried where no run distinguishes and no change is declared."""
@@ -108,8 +104,6 @@ class PortRig(Rig):
 
     def recorded(self, runs: Sequence[PortRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
         """Return runs simulated with an explanation, with the indices of those that stay within the known range."""
-        import pandas as pd
-
         last, rng = self.logs[-1], np.random.default_rng(0)
         numbers = last.numbers(dict(zip(last.free, map(float, truth.x), strict=True)))
         for name, value in self.numbers.items():
@@ -186,8 +180,6 @@ class EquationRig(PortRig):
 
     def recorded(self, runs: Sequence[PortRun], truth: Fit) -> tuple[pd.DataFrame, list[int]]:
         """Return runs simulated with an explanation, with their indices."""
-        import pandas as pd
-
         last, t, rng = self.logs[-1], runs[0].time, np.random.default_rng(0)
         codes = np.repeat(np.arange(len(runs)), len(t))
         made = {role: np.full(len(codes), float(np.median(x))) for role, x in last.equation.table.items()}

@@ -1,18 +1,14 @@
 """What the planner knows of a rig: the runs that it allows, how they are simulated, and what they would show."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar, Self
+
+import numpy as np
+import pandas as pd
 
 from ...errors import ParameterError
-
-if TYPE_CHECKING:
-    import numpy as np
-    import pandas as pd
-
-    from ..inference.gauss_newton import Fit
+from ..inference.gauss_newton import Fit
 
 DESIGNS, FEW = 200, 30
 """Number of designs that are tried: usually, and for each change of the rig that nobody has declared."""
@@ -86,7 +82,7 @@ class Rig(ABC):
         """Changes to try where none is declared and no run distinguishes."""
         return ()
 
-    def changed(self, change: Mapping[str, float]) -> Rig:
+    def changed(self, change: Mapping[str, float]) -> Self:
         """Return it after a change."""
         return self
 

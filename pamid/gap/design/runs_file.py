@@ -1,8 +1,7 @@
 """The file of designed runs: one TOML table per run, for ``pamid simulate --runs``."""
 
-from __future__ import annotations
-
 import json
+import tomllib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,8 +32,6 @@ def _literal(value: object) -> str:
 
 def read_runs(path: str | Path) -> list[Trajectory]:
     """Read the runs of a file."""
-    import tomllib
-
     file = Path(path)
     try:
         if file.stat().st_size > _LIMIT:

@@ -32,8 +32,6 @@ A. C. Atkinson, V. V. Fedorov, "The design of experiments for discriminating bet
 62(1), 1975. https://doi.org/10.1093/biomet/62.1.57
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any

@@ -1,14 +1,14 @@
 """The planner: search the runs of a rig for those that best tell what a diagnosis left undecided."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import singledispatch
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...bench.parameters import BenchParameters
 from ...errors import ExcitationError
@@ -22,9 +22,6 @@ from .plan import AS_IT_IS, TELLS, Expected, Plan
 from .ports import port_rig
 from .rig import FEW, Rig
 from .score import Discrimination, gained, right_first, shown
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 WIDE = 0.6
 """Share of the designs that are drawn from the whole family; the others are drawn near the best of these."""
@@ -74,8 +71,6 @@ def plan_next(
 
     The limits and further options are those of `pamid.gap.design.bench.bench_rig` or `pamid.gap.design.ports.port_rig`.
     """
-    from threadpoolctl import threadpool_limits
-
     say = progress or (lambda _: None)
     with threadpool_limits(1):
         say("read the logs")
@@ -180,8 +175,6 @@ class _Search:
 
     def seen_again(self, runs: Sequence[Any]) -> Any:
         """Return the designs evaluated so far, simulated with the likeliest explanation."""
-        import pandas as pd
-
         of = [next(table for seen, table in self.seen if seen is run) for run in runs]
         parts = [table.assign(trajectory=str(k)) for k, table in enumerate(of)]
         return self.rig.evidence(pd.concat(parts, ignore_index=True))

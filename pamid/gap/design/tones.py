@@ -1,7 +1,5 @@
 """What the reference or an input of a designed run does, and the rate that it keeps."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -18,8 +18,6 @@ J. P. T. Higgins, S. G. Thompson, "Quantifying heterogeneity in a meta-analysis"
 https://doi.org/10.1002/sim.1186
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,18 +1,18 @@
 """Assemble the diagnosis: where the gap lies, its causes, how far it shrinks, what to record next."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from ..design.experiment import next_experiment
 from ..inference.competition import Competition
 from ..inference.gauss_newton import Fit, Fitter, slots_of
 from ..inference.significance import excess, lasting, noise_error
 from ..inference.so_far import in_words
+from ..inference.student_t import scale
 from ..residuals.bench import Evidence
 from ..residuals.protocol import STATE, ResidualSource
 from ..settings import FALSE_ALARM, MATERIAL
@@ -25,10 +25,6 @@ from .remainder import leftover, remainder
 from .result import Diagnosis
 from .rivals import rivals_of
 from .signs import worst
-
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 SHORT = "The answer was interrupted: its sizes are as they were fitted to the part of the log that was searched."
 """What a diagnosis notes whose causes were not fitted to all rows."""
@@ -155,8 +151,6 @@ def _balanced(evidence: ResidualSource, power: np.ndarray) -> np.ndarray:
 def _equations(
     evidence: ResidualSource, before: np.ndarray, after: np.ndarray, verdict: Verdict
 ) -> list[EquationFinding]:
-    from ..inference.student_t import scale
-
     sizes = [scale(before[part], 0.0) for part in evidence.parts]
     over = [excess(evidence, before, part, s) for part, s in zip(evidence.parts, sizes, strict=True)]
     if verdict.named:
@@ -181,8 +175,6 @@ def _equations(
 
 def _events(evidence: ResidualSource, left: np.ndarray) -> list[Event]:
     """Return the stretches of runs with outstanding residuals, the largest first."""
-    from ..inference.student_t import scale
-
     found = []
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         if evidence.exact and part not in evidence.sharp:  # it may err wherever a command jumps between two samples
@@ -279,8 +271,6 @@ def _distinguished(cause: Cause, experiment: Any, rivals: tuple[str, ...]) -> Ca
 
 
 def _windows(evidence: ResidualSource, before: np.ndarray, after: np.ndarray) -> pd.DataFrame:
-    import pandas as pd
-
     names = np.empty(len(before), dtype=object)
     for name, part in zip(evidence.equations, evidence.parts, strict=True):
         names[part] = name

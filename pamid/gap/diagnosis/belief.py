@@ -1,7 +1,5 @@
 """How probability is shared among the effects of the library, no gap, and a cause outside the library."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ..inference.competition import Competition

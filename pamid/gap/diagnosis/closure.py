@@ -1,8 +1,8 @@
 """How far a gap shrinks: held-out runs, the share of what is explainable, and intervals over runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
+from itertools import combinations
+from math import factorial
 
 import numpy as np
 
@@ -219,9 +219,6 @@ def _closed(before: np.ndarray, after: np.ndarray, floor: np.ndarray) -> np.ndar
 
 def shapley(fitter: Fitter, base: Fit, fit: Fit) -> dict[str, float]:
     """Return each cause's Shapley share of the gain in likelihood of all causes."""
-    from itertools import combinations
-    from math import factorial
-
     names = list(fit.spec)
     value: dict[frozenset[str], float] = {frozenset(): base.loglik, frozenset(names): fit.loglik}
     for size in range(1, len(names)):

@@ -1,7 +1,5 @@
 """From competing hypotheses to an answer: no gap, one cause, a class, several causes, or an unknown one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 

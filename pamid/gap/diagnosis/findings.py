@@ -1,11 +1,9 @@
 """What a diagnosis is made of: findings about equations and regions, candidates, causes, closure, the next run."""
 
-from __future__ import annotations
-
 import math
 import warnings
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Self
 
 Interval = tuple[float, float]
 
@@ -180,7 +178,7 @@ class ParameterEstimate:
     at_bound: bool = False
     physical: str = ""
 
-    def scaled(self, factor: float, unit: str) -> ParameterEstimate:
+    def scaled(self, factor: float, unit: str) -> Self:
         """Return the estimate in another unit; one of its unit is ``factor`` of the other."""
         low, high = sorted((self.ci90[0] * factor, self.ci90[1] * factor))
         return replace(self, value=self.value * factor, unit=unit, ci90=(low, high))

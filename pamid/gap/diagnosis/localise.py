@@ -1,18 +1,15 @@
 """Where a gap lies: in which equations, regions of the state, bands of frequency and runs."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
+from ...bench.parameters import BenchParameters
+from ...equations.log import BenchLog
+from ...equations.run import SIGNS, Model
 from ..residuals.protocol import ResidualSource
 from .findings import Band, Region, TrajectoryShare
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
 
 BANDS = ((0.0, 1.0), (1.0, 5.0), (5.0, 25.0))
 """Bands of frequency, Hz; windows of 20 ms see no more than 25 Hz."""
@@ -54,9 +51,6 @@ def state_table(log: pd.DataFrame, params: BenchParameters) -> pd.DataFrame:
     >>> len(table.query("deps1 > 0 and P1 < 3e5")) > 0  # 1/s, Pa
     True
     """
-    from ...equations.log import BenchLog
-    from ...equations.run import SIGNS, Model
-
     held = BenchLog.of(log)
     channels = ["P"] if held.holds("P") else []
     p = params

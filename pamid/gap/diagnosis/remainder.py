@@ -1,7 +1,5 @@
 """The residual where no effect of the library is the cause: its dependence, rhythm and closest formula."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

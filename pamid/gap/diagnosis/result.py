@@ -6,7 +6,10 @@ import json
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
+
 from ...json_data import json_ready
+from ..inference.so_far import INTERRUPTED
 from .findings import (
     Band,
     Candidate,
@@ -19,13 +22,11 @@ from .findings import (
     Region,
     TrajectoryShare,
 )
+from .rivals import Rival
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     from ..several.history import History, Round
     from ..several.result import Change, LogFinding
-    from .rivals import Rival
 
 SCHEMA = 1
 VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
@@ -156,8 +157,6 @@ class Diagnosis:
     @property
     def interrupted(self) -> bool:
         """Whether somebody interrupted the search: what it did not find may still be in the library."""
-        from ..inference.so_far import INTERRUPTED
-
         return INTERRUPTED in self.notes
 
     @property

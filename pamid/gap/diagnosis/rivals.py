@@ -1,10 +1,8 @@
 """The explanations of a log that are not ruled out, for a further run to separate."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -47,7 +45,7 @@ class Rival:
         }
 
     @classmethod
-    def from_dict(cls, found: Mapping[str, Any]) -> Rival:
+    def from_dict(cls, found: Mapping[str, Any]) -> Self:
         """Return an explanation that was written as plain numbers and text."""
         effects = {str(k): {str(p): float(v) for p, v in values.items()} for k, values in found["effects"].items()}
         deviations = {str(k): float(v) for k, v in found["deviations"].items()}

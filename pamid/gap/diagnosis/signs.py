@@ -4,8 +4,6 @@ Every cause has its own signs: the residual of its equation, its size from part 
 in its equation. So a doubtful one does not affect the others.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 

@@ -1,7 +1,5 @@
 """Weights of the signs: written by ``python benchmarks/withheld --develop --write``, not by hand."""
 
-from __future__ import annotations
-
 ALONE = {
     "constant": 2.1,
     "alike": 0,

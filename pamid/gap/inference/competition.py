@@ -1,7 +1,5 @@
 """Hypotheses about a gap compete by their evidence: sets of effects from the linearised library, refitted exactly."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace

@@ -10,10 +10,8 @@ D. W. Marquardt, "An algorithm for least-squares estimation of nonlinear paramet
 Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -36,7 +34,7 @@ class Prior(NamedTuple):
     """Mean, and one over the variance. Shape (n,)."""
 
     @classmethod
-    def none(cls, n: int) -> Prior:
+    def none(cls, n: int) -> Self:
         """Return a flat prior."""
         return cls(np.zeros(n), np.zeros(n))
 
@@ -56,7 +54,7 @@ class Bounds(NamedTuple):
     """Largest steps down and up, as positive numbers. Shape (n,)."""
 
     @classmethod
-    def of(cls, lower: np.ndarray, upper: np.ndarray) -> Bounds:
+    def of(cls, lower: np.ndarray, upper: np.ndarray) -> Self:
         """Return bounds that one step may cross the whole way between."""
         return cls(lower, upper, upper - lower, upper - lower)
 

@@ -15,8 +15,6 @@ M. C. Kennedy, A. O'Hagan, "Bayesian calibration of computer models", Journal of
 2001. https://doi.org/10.1111/1467-9868.00294
 """
 
-from __future__ import annotations
-
 from itertools import pairwise
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The library linearised on one log: the gain of each effect and each set of them, before any refit."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

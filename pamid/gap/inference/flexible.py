@@ -12,8 +12,6 @@ A. Rahimi, B. Recht, "Random features for large-scale kernel machines", Advances
 Systems 20, 2007.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

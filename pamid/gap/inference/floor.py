@@ -1,18 +1,14 @@
 """The noise of a target, the predictable share of a residual, the sign of effects: known before any name."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from ...signals.paths import reversals
+from ..residuals.ports import PortEvidence
 from .sensitivity import Template
 from .student_t import bounded
-
-if TYPE_CHECKING:
-    from ..residuals.ports import PortEvidence
 
 LAGS = (0.02, 0.1, 0.5, 2.0)
 """Ages of the past signals that the learner reads, s."""

@@ -1,7 +1,5 @@
 """Refit a simulator with effects: tolerances and all parameters of the effects together, by Gauss–Newton."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """Hypotheses: sets of effects with their evidence, from the screening of the library to the outcome."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple

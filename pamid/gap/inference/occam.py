@@ -14,8 +14,6 @@ References
 D. J. C. MacKay, "Bayesian interpolation", Neural Computation 4(3), 1992. https://doi.org/10.1162/neco.1992.4.3.415
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -7,8 +7,6 @@ it goes on for as long as the motion remembers. The effects are as the equations
 fares worse is refitted to the runs before it is ruled out, since a small error of a size may be all that it shows.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ..residuals.protocol import Spec

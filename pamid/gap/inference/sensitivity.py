@@ -1,7 +1,5 @@
 """Sensitivities of the residuals to every effect of the library, on a grid of the nonlinear parameters."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping, Sequence

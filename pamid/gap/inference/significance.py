@@ -1,7 +1,5 @@
 """Whether there is a gap at all: the best score over the whole library against its distribution under noise alone."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import NamedTuple

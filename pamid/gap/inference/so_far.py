@@ -1,7 +1,5 @@
 """What is known so far: a preliminary answer during the search, and the answer where it is cut short."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """Steps of an integrator instead of causes: where some were found, fewer and such steps may explain as much."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

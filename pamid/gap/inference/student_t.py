@@ -13,8 +13,6 @@ K. L. Lange, R. J. A. Little, J. M. G. Taylor, "Robust statistical modeling usin
 American Statistical Association 84(408), 1989. https://doi.org/10.1080/01621459.1989.10478852
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

@@ -15,8 +15,6 @@ G. M. Furnival, R. W. Wilson, "Regressions by leaps and bounds", Technometrics 1
 https://doi.org/10.1080/00401706.1974.10489231
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The evidence of a set of effects with inexact forms, and how sets of different size are compared."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ...effects import Parameter

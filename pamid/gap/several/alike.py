@@ -1,7 +1,5 @@
 """Whether several logs can come from one bench."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from itertools import combinations
 

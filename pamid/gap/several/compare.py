@@ -1,7 +1,5 @@
 """Results for each of several logs: parameters log by log, and causes that changed between logs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 

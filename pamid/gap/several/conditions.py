@@ -1,7 +1,5 @@
 """Conditions of each of several logs: another rest position, load, temperature, supply, or day."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Mapping, Sequence

@@ -1,14 +1,14 @@
 """Diagnose several logs of one bench together: causes are shared unless the logs say that one came or went."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
+from ...bench.parameters import BenchParameters
 from ...effects import Effect
 from ...effects.registry import chosen_effects
 from ...equations.log import BenchLog
@@ -31,11 +31,6 @@ from .result import LogFinding
 from .stacked import Log, StackedEvidence
 from .variants import Variants
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
-
 
 def diagnose_bench_logs(
     logs: Mapping[str, pd.DataFrame],
@@ -46,8 +41,6 @@ def diagnose_bench_logs(
     say: Callable[[str], None],
 ) -> Diagnosis:
     """Diagnose several logs of one bench together."""
-    from threadpoolctl import threadpool_limits
-
     library = chosen_effects(effects, "bench")
     names = list(logs)
     held = conditions_of(names, conditions)
@@ -92,8 +85,6 @@ def together(
     close: Sequence[str] = (),
 ) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
     """Return the joint diagnosis of logs, each log's parameters, the decision if any, and the stacked evidence."""
-    from threadpoolctl import threadpool_limits
-
     names, _, days = zip(*logs, strict=True)
     variants = Variants(library, effects, names, days)
     stack = StackedEvidence(logs, variants)

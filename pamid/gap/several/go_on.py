@@ -1,20 +1,16 @@
 """Go on from an earlier diagnosis with further logs."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from ...errors import ParameterError
 from ...explained import explained_by
+from ..diagnosis.result import Diagnosis
 from .conditions import Conditions, conditions_of
 from .history import History
 from .logs import diagnose, diagnosed
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..diagnosis.result import Diagnosis
 
 
 @explained_by(diagnose)

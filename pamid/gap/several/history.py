@@ -15,8 +15,14 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
+import pandas as pd
+
+from ...bench.parameters import BenchParameters
 from ...effects import all_effects
 from ...errors import IncompatibleError, LogFormatError, LogNotFoundError, PamidError
+from ...signals.mapping import LogMapping
+from ...signals.readings import impossible
+from ...simulators import read_simulator
 from ...simulators.catalogue import effect_class
 from ...toml_files import TomlErrors, read_small_text
 from ..diagnosis.findings import Candidate, Cause
@@ -25,8 +31,6 @@ from .conditions import Conditions
 from .per_log import main_parameter
 
 if TYPE_CHECKING:
-    import pandas as pd
-
     AnySimulator = Any
     """A simulator of the bench or any other: anything with an identity."""
 
@@ -121,8 +125,6 @@ class History:
 
     def write(self, folder: str | Path, home: str | Path | None = None) -> None:
         """Write the basis of a later diagnosis into a folder, which is moved to `home` where that is another one."""
-        import pandas as pd
-
         folder, home, simulator = Path(folder), Path(home or folder), self.simulator.identity()
         at_ports = not self.simulator.library
         page = self.page if "kind" in simulator else ""  # a bench is rebuilt from its identity
@@ -244,9 +246,6 @@ def read_history(
 
 def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnySimulator] | None) -> AnySimulator:
     """Return the simulator of an earlier diagnosis: the bench's numbers, or the file that it was read from."""
-    from ...bench.parameters import BenchParameters
-    from ...simulators import read_simulator
-
     if "kind" not in then:
         changes = {**then["numbers"], "name": then["name"], "tolerance": then["tolerance"]}
         return BenchParameters.for_muscle("B").replace(
@@ -298,8 +297,6 @@ def _table(path: Path, bench: bool) -> pd.DataFrame:
 
     from ...signals.formats.parquet import FORMAT
     from ...signals.log import MAX_BYTES
-    from ...signals.mapping import LogMapping
-    from ...signals.readings import impossible
 
     frame = FORMAT.read(path, LogMapping(), MAX_BYTES)[0][0].frame
     if lacking := {"trajectory", "time", "log", *(("q",) if bench else ())} - set(frame.columns):

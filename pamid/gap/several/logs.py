@@ -1,10 +1,7 @@
 """Diagnose one log or several, with a simulator of any kind."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,11 +15,6 @@ from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
 from .variants import MOST_DAYS, odds_of_change
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
 
 APART = "The runs of this log differ in the size of an effect: each is taken as a log of its own."
 """Note where runs that were given as one log are diagnosed as several."""

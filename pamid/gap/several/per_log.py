@@ -11,8 +11,6 @@ H. White, "Maximum likelihood estimation of misspecified models", Econometrica 5
 https://doi.org/10.2307/1912526
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

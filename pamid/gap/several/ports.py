@@ -1,12 +1,11 @@
 """Diagnose several logs of any simulator with ports together."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from threadpoolctl import threadpool_limits
 
 from ...errors import IncompatibleError
 from ...simulators.base import Simulator
@@ -23,9 +22,6 @@ from .conditions import Conditions, conditions_of
 from .engine import naming, refuse_twice, sized, together
 from .stacked import Log
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 def diagnose_port_logs(
     logs: Mapping[str, pd.DataFrame],
@@ -36,8 +32,6 @@ def diagnose_port_logs(
     say: Callable[[str], None],
 ) -> Diagnosis:
     """Diagnose several logs of one simulator with ports together."""
-    from threadpoolctl import threadpool_limits
-
     refuse_twice(logs)
     names, held = list(logs), conditions_of(list(logs), conditions)
     each = _evidence(logs, simulator, held)

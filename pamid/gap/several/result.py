@@ -1,7 +1,5 @@
 """Additional results of several logs: each log's own parameters, and what changed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ..diagnosis.findings import ParameterEstimate

@@ -8,8 +8,6 @@ with the causes' parameters θ, the tolerances x that all logs share and those y
 residuals are stacked; the columns of a day's own parameters are zero in the logs of all other days.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 

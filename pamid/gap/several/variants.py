@@ -1,7 +1,5 @@
 """Effects that a bench has only in some of its logs: what appeared, grew or was repaired between two logs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,21 +1,17 @@
 """How far the gap shrinks, as a waterfall of the mean square error."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from ...errors import UnknownOptionError
+from ...gap.diagnosis.findings import Closure
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, SKY, new_figure, style
 from ..causes import either
 from ..quantities import typeset
 from ..words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.findings import Closure
-    from ...gap.diagnosis.result import Diagnosis
 
 _WORDS = 26  # letters of a label that fit beside the bars
 
@@ -68,8 +64,6 @@ def closure_figure(d: Diagnosis, equation: str | None = None) -> Figure:
 
 def chosen_closure(d: Diagnosis, equation: str | None) -> Closure:
     """Return the closure of an equation."""
-    from ...errors import UnknownOptionError
-
     wanted = equation or (d.added[0].equation if d.added else None)
     by_name = {c.equation: c for c in d.closure}
     if wanted in by_name:

@@ -1,24 +1,18 @@
 """Measured against simulated over the time of a run, without and with the causes."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.curves import drawn
 from ...plots.style import BLUE, FAINT, GREY, INK, ORANGE, new_figure, style
 from ..words import Words
 from .readings import target_rows
 from .windows import chosen_equation, of_trajectory, states, telling_trajectories, unit_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
-
 
 _CLOSE = 100
 """Windows that a panel shows a few pixels apart."""

@@ -1,11 +1,11 @@
 """The residual of one run as loops over the state, and over time, before and after, with the noise."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.curves import drawn
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ..words import Words
@@ -19,13 +19,6 @@ from .windows import (
     unit_of,
     usable,
 )
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 _ACROSS = {
     "force": ("eps", "x", "P"),

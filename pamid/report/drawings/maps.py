@@ -1,24 +1,19 @@
 """The residual over the state: mean of the windows in each cell, before and after, on one scale of colour."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ...errors import ParameterError
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.style import INK, new_figure, style
 from ..words import Words
 from .windows import chosen_equation, of_equation, states, telling_ports, unit_of, usable
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 AXES = {
     "force": (("eps", "deps"), ("eps", "P"), ("deps", "P"), ("x", "dx"), ("x", "P"), ("dx", "P")),

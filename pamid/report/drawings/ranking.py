@@ -1,18 +1,12 @@
 """The candidates by their confidence."""
 
-from __future__ import annotations
+from matplotlib.figure import Figure
 
-from typing import TYPE_CHECKING
-
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.style import BLUE, FAINT, GREY, new_figure, style
 from ..causes import named
 from ..quantities import places
 from ..ranked import certainty
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 
 def ranking_figure(d: Diagnosis, most: int = 10) -> Figure:

@@ -1,22 +1,15 @@
 """What the log holds of a run, row by row: commands and readings as they were recorded."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.curves import drawn
 from ...plots.style import INK, new_figure, style
 from ..quantities import SIGNALS
 from ..words import Words
 from .windows import chosen_equation, of_equation, telling_ports
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 6
 """Panels of a picture that stands beside another."""

@@ -1,18 +1,11 @@
 """A diagnosis before and after each further log: confidences, the main parameter, and the remaining gap."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from matplotlib.figure import Figure
 
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, SKY, new_figure, style
 from ..quantities import effect, parameter
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 4
 """Effects whose confidence is drawn."""

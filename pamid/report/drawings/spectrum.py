@@ -1,25 +1,19 @@
 """The residual by frequency, before and after, and the noise."""
 
-from __future__ import annotations
-
 import warnings
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from ...errors import ShortTrajectoryError
+from ...gap.diagnosis.result import Diagnosis
 from ...plots.style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 from ...signals.thinning import spaced
 from ..quantities import typeset
 from ..words import Words
 from .windows import chosen_equation, states, unit_of
-
-if TYPE_CHECKING:
-    import pandas as pd
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 _SEGMENT = 128  # windows of one periodogram
 _SHORTEST = 16

@@ -1,17 +1,11 @@
 """The windows of one equation, in the shape that pictures need."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 
+from ...equations import all_equations
 from ...errors import UnknownOptionError
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...gap.diagnosis.result import Diagnosis
+from ...gap.diagnosis.result import Diagnosis
 
 _MOST = 400_000  # windows of a map; more change no cell's mean visibly
 
@@ -45,8 +39,6 @@ def main_equation(d: Diagnosis) -> str:
 
 def unit_of(d: Diagnosis, equation: str) -> str:
     """Return the SI unit of an equation's residual."""
-    from ...equations import all_equations
-
     units = {e.equation: e.unit for e in d.equations} | {c.equation: c.unit for c in d.closure if c.unit}
     stated = units.get(equation, "")
     known = all_equations()
@@ -87,8 +79,6 @@ def telling_ports(part: pd.DataFrame) -> list[str]:
 
 def _explained(part: pd.DataFrame, name: str) -> float:
     """Return the share of an error's variance that lies between tenths of a signal's range of ranks."""
-    import pandas as pd
-
     x, error = (pd.Series(part[column].to_numpy(dtype=float)) for column in (name, "before"))
     tenths = (x.rank(method="first", pct=True) * 10).round()
     spread = float(error.var(ddof=0))

@@ -1,7 +1,5 @@
 """The sections of the page, one small class and one template each."""
 
-from __future__ import annotations
-
 from ..._discovery import modules
 from .base import Picture, Section, Source
 

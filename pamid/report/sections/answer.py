@@ -1,7 +1,5 @@
 """The answer in three sentences."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..sentences import answers

@@ -1,16 +1,12 @@
 """What a section of the page is."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
+from matplotlib.figure import Figure
+
+from ...gap.diagnosis.result import Diagnosis
 from ..words import Words
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from ...gap.diagnosis.result import Diagnosis
 
 
 class Source(NamedTuple):

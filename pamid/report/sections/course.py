@@ -1,7 +1,5 @@
 """Measured against simulated."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..drawings.course import course_figure, fit, fit_words, shared_limits

@@ -1,7 +1,5 @@
 """How far the gap shrinks."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..drawings.closure import closure_figure

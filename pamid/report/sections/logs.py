@@ -1,7 +1,5 @@
 """The logs one by one, where there are several."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..quantities import amount_within, effect, parameter, span

@@ -1,7 +1,5 @@
 """Runs before and after."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..drawings.loops import loop_figure, shared_scale

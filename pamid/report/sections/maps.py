@@ -1,7 +1,5 @@
 """The residual over the state."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..drawings.maps import axes_of, bounds, map_figure

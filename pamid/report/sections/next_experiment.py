@@ -1,7 +1,5 @@
 """What to record next."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..sentences import experiment, experiment_option, experiment_reason

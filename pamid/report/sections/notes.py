@@ -1,7 +1,5 @@
 """Notes for the reader."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from .base import Section

@@ -1,16 +1,13 @@
 """The parameters of the causes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
+from ...bench.parameters import UNITS
+from ...gap.diagnosis.findings import Cause, ParameterEstimate
 from ..causes import named, shown_unit
 from ..quantities import amount, amount_within, parameter, percent_within, places, share_span, span
 from .base import Section
-
-if TYPE_CHECKING:
-    from ...gap.diagnosis.findings import Cause, ParameterEstimate
 
 
 class ParametersSection(Section):
@@ -31,8 +28,6 @@ class ParametersSection(Section):
 
     def content(self) -> dict[str, Any]:
         """Return the tables."""
-        from ...bench.parameters import UNITS
-
         d = self.diagnosis
         causes = [
             {

@@ -1,7 +1,5 @@
 """Before and after each further log."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..drawings.rounds import rounds_figure

@@ -1,7 +1,5 @@
 """The residual by frequency."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ...errors import ShortTrajectoryError

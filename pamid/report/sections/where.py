@@ -1,7 +1,5 @@
 """In which equations, regions, bands and runs the gap lies."""
 
-from __future__ import annotations
-
 import math
 from typing import Any, ClassVar
 

@@ -1,7 +1,5 @@
 """The candidates, those ruled out, and why."""
 
-from __future__ import annotations
-
 from typing import Any, ClassVar
 
 from ..causes import cause_names, named

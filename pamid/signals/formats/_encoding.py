@@ -1,7 +1,5 @@
 """The encoding of a text table: as stated, or as its first bytes show it reliably."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

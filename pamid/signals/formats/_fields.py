@@ -1,21 +1,15 @@
 """Whether every row of a text table has as many fields as its header: none is dropped or invented."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pamid.errors import LogFormatError, TruncatedLogError
 
-from ._layout import numbered_rows
-
-if TYPE_CHECKING:
-    from ._layout import Layout
+from ._layout import Layout, numbered_rows
 
 _CHUNK = 2**24
 _SHOWN = 60

@@ -1,7 +1,5 @@
 """Reading with other packages: any error of theirs means a damaged file, and their output is suppressed."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import warnings

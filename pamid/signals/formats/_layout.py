@@ -1,22 +1,18 @@
 """The layout of a text table: encoding, what is above its rows, delimiter, names of columns, fields per row."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from pamid.errors import DuplicateColumnError, EmptyLogError, LogFormatError, MappingError
 
+from ..mapping import LogMapping
 from ..unit_names import unit_name
 from ._encoding import encoding_of
-
-if TYPE_CHECKING:
-    from ..mapping import LogMapping
 
 NUMBER = re.compile(r"^[+-]?(\d+([.,]\d*)*|[.,]\d+)([eEdD][+-]?\d+)?$")
 MISSING = {"", "nan", "na", "n/a", "null", "none", "inf", "-inf", "+inf", "-nan", "infinity", "-infinity"}

@@ -1,15 +1,11 @@
 """Columns whose cells are lists, such as all joints of a robot: each element becomes a column."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    import pandas as pd
+import pandas as pd
 
 LONGEST = 64
 """Most numbers of one list that become columns."""
@@ -29,8 +25,6 @@ def list_elements(columns: Iterable[str]) -> set[str]:
 
 def unfolded(frame: pd.DataFrame, names: Mapping[str, Sequence[str]] | None = None) -> pd.DataFrame:
     """Return a table with ``name[0]``, ``name[1]``, ... in place of each column of lists."""
-    import pandas as pd
-
     found = {k: block for k in range(frame.shape[1]) if (block := _block(frame.iloc[:, k])) is not None}
     if not found:
         return frame
@@ -47,8 +41,6 @@ def unfolded(frame: pd.DataFrame, names: Mapping[str, Sequence[str]] | None = No
 
 def _block(column: pd.Series) -> np.ndarray | None:
     """Return the numbers of a column of lists, shape (rows, elements); None if it is no such column."""
-    import pandas as pd
-
     if pd.api.types.is_numeric_dtype(column.dtype) or not len(column):
         return None
     cells = column.to_numpy(dtype=object)

@@ -4,8 +4,6 @@
 end the whole process there (a segmentation fault in ``read_var_array`` of scipy 1.17). Every length is checked here.
 """
 
-from __future__ import annotations
-
 import math
 import struct
 import zlib

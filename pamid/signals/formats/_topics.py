@@ -1,21 +1,18 @@
 """From the messages of a robot's topics, each with its own times, to one table."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import EmptyLogError, HostileLogError
 
+from ..mapping import LogMapping
 from . import RawTable
 from ._lists import LONGEST
-
-if TYPE_CHECKING:
-    from ..mapping import LogMapping
 
 _NUMBERED = re.compile(r"^(.*)\[(\d+)\]$")
 _DEEPEST = 6
@@ -50,8 +47,6 @@ class Messages:
 
 def joined(topics: Mapping[str, Topic], mapping: LogMapping, path: Path, max_bytes: int) -> RawTable:
     """Return topics as one table at the times of the one with most messages: ``time`` (s) and ``topic.field``."""
-    import pandas as pd
-
     kept = {name: topic for name, topic in topics.items() if len(topic[0]) > 1 and topic[1]}
     if not kept:
         raise EmptyLogError(f"{path.name} holds no topic with numbers.", "messages with numbers", "Record topics.")

@@ -1,23 +1,19 @@
 """From the variables of a MATLAB or HDF5 file to tables: which are runs, and which form one table."""
 
-from __future__ import annotations
-
 import fnmatch
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import HostileLogError, MappingError, MissingColumnError
 
+from ..mapping import LogMapping
 from . import RawTable
 from ._lists import LONGEST
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 MAX_FOLD = 1_100
 """Largest ratio of decompressed to stored bytes that zlib can reach; a file declaring more is hostile or damaged."""
@@ -57,15 +53,11 @@ def select(path: Path, names: list[str], mapping: LogMapping) -> list[str]:
 
 def natural(text: str) -> list[Any]:
     """Sort key under which ``Test9`` comes before ``Test10``."""
-    import re
-
     return [(1, int(t), "") if t.isdigit() else (0, 0, t) for t in re.split(r"(\d+)", text) if t]
 
 
 def as_frame(value: Any, name: str) -> pd.DataFrame | None:
     """Turn an array of at most two dimensions, or a dict of vectors, into a frame."""
-    import pandas as pd
-
     if isinstance(value, Mapping):
         rows = [np.size(v) for v in value.values() if np.size(v) == max(np.shape(v), default=1)]
         columns = {k: x for name, v in value.items() for k, x in columns_of(str(name), v, max(rows, default=0)).items()}
@@ -111,8 +103,6 @@ def tables(
     variables: dict[str, Any], mapping: LogMapping, lost: Sequence[str]
 ) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Arrange variables into tables and a zero run: each matrix or struct is one, vectors of equal length another."""
-    import pandas as pd
-
     zero = as_frame(variables.pop(mapping.zero_run), mapping.zero_run) if mapping.zero_run else None
     head: dict[str, Any] = {}
     result: list[RawTable] = []

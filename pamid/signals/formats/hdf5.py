@@ -6,17 +6,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import ColumnTypeError, HostileLogError, PamidError, TruncatedLogError
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._variables import require_size, select, tables
 
 if TYPE_CHECKING:
     import h5py
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 
 _REFUSED = "links, data in other files and complex numbers are not read: save plain real arrays"

@@ -1,21 +1,17 @@
 """JSON logs: an object with a list of entries and scalars, a bare list of entries, or columns."""
 
-from __future__ import annotations
-
 import json
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pamid.errors import DuplicateColumnError, HostileLogError, LogFormatError, MissingColumnError, TruncatedLogError
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._lists import unfolded
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
@@ -71,8 +67,6 @@ def _of_pairs(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _frame(entries: Any, path: Path) -> pd.DataFrame:
-    import pandas as pd
-
     try:
         return pd.DataFrame(entries)
     except (ValueError, TypeError, OverflowError) as error:

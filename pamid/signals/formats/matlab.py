@@ -1,20 +1,15 @@
 """MATLAB logs up to version 7 (``save -v7`` and before); version 7.3 is HDF5."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from pamid.errors import ColumnTypeError, HostileLogError
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._mat5 import Variable, contents, load
 from ._variables import require_size, select, tables
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:

@@ -1,21 +1,17 @@
 """MCAP, the container of ROS 2 and Foxglove: topics with JSON messages, or CDR messages of ROS 2."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pamid.errors import MissingDependencyError, needs
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 _MARK = b"\x89MCAP0\r\n"
 _WHOLE = "a complete MCAP file of JSON or ROS 2 messages"

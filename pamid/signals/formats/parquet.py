@@ -1,20 +1,16 @@
 """Parquet logs."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pamid.errors import HostileLogError
 
+from ..mapping import LogMapping
 from . import Format, RawTable, flat_columns
 from ._foreign import whole_file
 from ._lists import unfolded
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:

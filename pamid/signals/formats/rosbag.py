@@ -1,20 +1,15 @@
 """Rosbag, the logs of ROS 1 (``.bag``) and ROS 2 (``.db3`` beside its ``metadata.yaml``), read without ROS."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import pandas as pd
 
 from pamid.errors import LogFormatError, needs
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._foreign import foreign_reader, require_all
 from ._topics import Messages, joined
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 _MARKS = b"#ROSBAG V2.0", b"SQLite format 3\0"
 _WHOLE = "a complete recording with messages of known types"

@@ -1,26 +1,21 @@
 """Text tables: fields separated by commas, semicolons, tabs or blanks; with or without header; point or comma."""
 
-from __future__ import annotations
-
 import csv
 import itertools
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import pandas as pd
 
 from pamid.errors import ColumnTypeError, EmptyLogError, HostileLogError, LogFormatError
 
+from ..mapping import LogMapping
 from . import Format, RawTable, is_measured, names_column
 from ._encoding import encoding_by
 from ._fields import require_fields
-from ._layout import MISSING, layout_of
+from ._layout import MISSING, Layout, layout_of
 from ._lists import unfolded
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
-    from ._layout import Layout
 
 _BLANK = r"\s+"
 _NO_NUMBER = (
@@ -34,8 +29,6 @@ _NUMBERLIKE = re.compile(r"(^|\s)[+-]?\d+[.,]?\d*(\s|$)")
 
 def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable], pd.DataFrame | None]:
     """Read a text table."""
-    import pandas as pd
-
     if path.stat().st_size > max_bytes:
         raise HostileLogError(
             f"{path.name} has {path.stat().st_size / 2**30:.3g} GiB of text.",
@@ -70,8 +63,6 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
 
 def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
     """Return the table as pandas reads it, with the column of run names as text."""
-    import pandas as pd
-
     positions = [str(k) for k in range(layout.width)]
     missing = {k: _NO_NUMBER for k in positions if k != str(of_names)}
     # Before 3.1 pandas reads some numbers one bit beside what was written; from then on it warns of this argument.
@@ -103,8 +94,6 @@ def _parsed(path: Path, layout: Layout, of_names: int | None) -> pd.DataFrame:
 
 def _with_blanks(names: pd.Series, path: Path, layout: Layout, position: int) -> pd.Series:
     """Return the names of runs, with leading blanks if only these distinguish two runs."""
-    import pandas as pd
-
     if layout.delimiter == " " or not _blanks_in_front(path, layout):
         return names
     with path.open(encoding=layout.encoding, newline="") as stream:
@@ -130,8 +119,6 @@ def _blanks_in_front(path: Path, layout: Layout) -> bool:
 
 def _numbers(column: pd.Series, decimal: str, thousands: str | None, path: Path) -> Any:
     """Convert a column that pandas left as text to numbers, if it is meant as numbers."""
-    import pandas as pd
-
     text = column.astype(str).str.strip()
     if thousands:
         text = _without_thousands(text, decimal, thousands)

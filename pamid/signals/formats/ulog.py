@@ -1,24 +1,19 @@
 """ULog, the log of PX4 flight controllers: topics with fields, times in microseconds."""
 
-from __future__ import annotations
-
 import struct
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from pamid.errors import needs
 
+from ..mapping import LogMapping
 from . import Format, RawTable
 from ._foreign import foreign_reader
 from ._topics import joined
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ..mapping import LogMapping
 
 _MARK = b"ULog\x01\x12\x35"
 _HEADER = 16
