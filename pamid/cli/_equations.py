@@ -4,10 +4,13 @@ import re
 from collections.abc import Mapping
 
 from ..errors import MissingColumnError, ParameterError, UnitError
-
-if TYPE_CHECKING:
-    from ..simulators import ModelParameter, Simulator
-    from ..systems.draft import Draft
+from ..signals.unit_names import find_unit, parse_quantity, unit_name
+from ..signals.units import SI_UNITS, UNITS, dimension_of
+from ..simulators import EquationSimulator, ModelParameter, Port, Simulator, page_text
+from ..simulators.equation_model import names_in, sides
+from ..simulators.written_units import in_si
+from ..systems.base import Input
+from ..systems.draft import Draft
 
 _TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
 
@@ -100,11 +103,6 @@ def _unit_of(draft: Draft, name: str) -> str:
 
 def _number(name: str, text: str) -> ModelParameter:
     """Read a number with its unit and, behind ±, its relative tolerance: ``"9.81 m/s2 ± 1 %"``."""
-    from ..signals.unit_names import parse_quantity, unit_name
-    from ..signals.units import SI_UNITS, UNITS, dimension_of
-    from ..simulators import ModelParameter
-    from ..simulators.written_units import in_si
-
     found = _TOLERANCE.match(text)
     value, tolerance = (found["value"], float(found["percent"]) / 100.0) if found else (text, 0.0)
     number = _NUMBER.match(value)

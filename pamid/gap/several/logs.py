@@ -4,7 +4,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 
+from ...bench.parameters import BenchParameters
 from ...signals.frames import logs_as_pandas
 from ...simulators.base import Simulator
 from ..at_ports import diagnose_at_ports
@@ -31,8 +33,6 @@ def runs_of(log: pd.DataFrame) -> dict[str, pd.DataFrame]:
 
 def parted(runs: Mapping[str, pd.DataFrame], border: Border) -> dict[str, pd.DataFrame]:
     """Return few runs as logs of their own; cut within a run, or of many, what lies before a border and after it."""
-    import pandas as pd
-
     if border.time is None and len(runs) <= MOST_DAYS:
         return dict(runs)
     tables, k, time = list(runs.values()), list(runs).index(border.run) if border.run in runs else 0, border.time or 0.0
@@ -167,3 +167,6 @@ def diagnosed(
     if isinstance(given, Mapping):
         return diagnose_bench_logs(given, simulator, effects, conditions, seed, say), {}
     return diagnose_bench(given, simulator, effects, seed, say), {}
+
+
+diagnose_simulator = diagnose
