@@ -66,7 +66,7 @@ def diagnose_at_ports(
         if other is None:
             return found
         say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
-        return diagnose_evidence(other, effects, seed, say, change)[0]
+        return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))[0]
 
     for again in (with_noise_of_inputs, with_inputs_otherwise):
         if not found.interrupted:  # who interrupted the search waits for no other
@@ -80,8 +80,9 @@ def diagnose_evidence(
     seed: int,
     say: Callable[[str], None] = lambda _: None,
     change: Callable[[int], float] | None = None,
+    begin: Spec | None = None,
 ) -> tuple[Diagnosis, Sequence[Learned]]:
-    """Return the diagnosis of a log's evidence, and the residual of a learner on it."""
+    """Return the diagnosis of a log's evidence, and the residual of a learner on it; `begin` as in `explain`."""
     left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator
@@ -118,6 +119,7 @@ def diagnose_evidence(
                 runner(searched),
                 change,
                 heed,
+                begin,
             )
         except DrownedError:
             say("once more by predictions, since undoing a fault of a reading amplifies its noise")

@@ -21,7 +21,7 @@ from .inference.so_far import alone_so_far, stopped, twice, unless_stopped
 from .inference.stepped import with_steps
 from .residuals.bench import Evidence
 from .residuals.checks import check, notes_on, without_stuck
-from .residuals.protocol import ResidualSource
+from .residuals.protocol import ResidualSource, Spec
 from .settings import MAX_ROWS, MOST_CAUSES, SEARCH_ROWS
 
 
@@ -79,17 +79,19 @@ def explain(
     run: Run | None = None,
     change: Callable[[int], float] | None = None,
     heed: Callable[[Outcome], None] = lambda _: None,
+    begin: Spec | None = None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
     Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
     `change` at one of so many borders, parts that disagree about an effect raise `RunsDifferError`. `heed` is told the
-    outcome, and may raise where this evidence cannot judge it.
+    outcome, and may raise where this evidence cannot judge it. The search may `begin` with a set that explains much.
     """
     if not evidence.equations:
         return untested(evidence, library, notes)
     with threadpool_limits(1):  # thousands of small products: threads would only wait for one another
         competition = Competition(searched or evidence, library, say, known)
+        competition.begin = begin or {}
         screen = screened(competition, interrupted, say)
         if change is not None and (border := runs_differ(competition, screen, change)) is not None:
             raise RunsDifferError(border)

@@ -42,6 +42,7 @@ class Competition(FirstOrder):
         self._apart, self._close = apart or {}, close
         self._done: dict[frozenset[str], Hypothesis] = {frozenset(): self.base}
         self.interrupted = False
+        self.begin: Spec = {}
         self._told = self.base
 
     # --- search -------------------------------------------------------------------------------------------------
@@ -120,6 +121,9 @@ class Competition(FirstOrder):
     def _begun(self, about: Subsets, contenders: Sequence[Subset]) -> Hypothesis:
         """Refit the sets of effects that may be the best, and return that one."""
         best, nothing = self.base, about.fit(()).score
+        if self.begin.keys() <= set(self.usable):
+            best = max(best, self._refined({k: dict(v) for k, v in self.begin.items()}, best), key=self._ranked)
+            self._tell(best)
         tried: list[frozenset[str]] = []
         grown = not self.evidence.bends
         for subset in self._promising(about, contenders):
