@@ -213,7 +213,7 @@ class Runner:
 
 def _run_by_run(*signals: np.ndarray) -> np.ndarray:
     """Return signals of all rows and runs, run after run, shape (n_signals, n_runs * n_rows)."""
-    return np.concatenate([x.transpose(1, 2, 0).reshape(x.shape[1], -1) for x in signals])
+    return np.concatenate([x.transpose(1, 2, 0).reshape(x.shape[1], x.shape[0] * x.shape[2]) for x in signals])
 
 
 def _flat(rows: np.ndarray) -> np.ndarray:
