@@ -87,10 +87,11 @@ def _parser(*known: ModuleType) -> argparse.ArgumentParser:
 def run(argv: Sequence[str] | None = None) -> int:
     """Parse arguments and run the command; see `pamid.cli.main`."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    debug, ended = "--debug" in arguments, list[int]()
+    debug, outer = "--debug" in arguments, signal.getsignal(signal.SIGTERM)
+    stop = outer if isinstance(outer, _Stop) else _Stop()  # of the command that runs this one
     _replace_closed_streams()
     try:
-        with _terminable(ended), _plain_warnings("--quiet" in arguments):
+        with _terminable(stop), _plain_warnings("--quiet" in arguments):
             parser = build_parser()
             args = parser.parse_args(arguments)
             if args.command is None:
@@ -99,11 +100,11 @@ def run(argv: Sequence[str] | None = None) -> int:
             code = int(args.command_module.run(args))
             sys.stdout.flush()
             return code
-    except SystemExit as stop:  # argparse has said what it had to
-        return stop.code if isinstance(stop.code, int) else DONE if stop.code is None else WRONG_USE
+    except SystemExit as said:  # argparse has said what it had to
+        return said.code if isinstance(said.code, int) else DONE if said.code is None else WRONG_USE
     except KeyboardInterrupt:
         _say("interrupted; no file is left incomplete")
-        return TERMINATED if signal.SIGTERM in ended else INTERRUPTED
+        return TERMINATED if signal.SIGTERM in stop.came else INTERRUPTED
     except BrokenPipeError:
         _close_stdout()  # the reader of the output has seen enough
         return DONE
@@ -139,21 +140,25 @@ def _own_error(error: Exception, debug: bool) -> int:
     return OWN_ERROR
 
 
-@contextlib.contextmanager
-def _terminable(ended: list[int]) -> Iterator[None]:
-    """Stop on SIGTERM as on Ctrl-C, so that drafts of files are removed on the way out; note the signals that came.
+class _Stop:
+    """Stops on SIGTERM as on Ctrl-C, so that drafts of files are removed on the way out, and notes what came.
 
-    What sends one to a process and to its group, as ``timeout`` does, means it once.
+    What sends a signal to a process and to its group, as ``timeout`` does, means it once.
     """
-    last = -math.inf
 
-    def stop(number: int, *_: Any) -> None:
-        nonlocal last
-        ended.append(number)
-        if (now := time.monotonic()) - last > _AT_ONCE:
-            last = now
+    def __init__(self) -> None:
+        self.came, self._last = list[int](), -math.inf
+
+    def __call__(self, number: int, *_: Any) -> None:
+        self.came.append(number)
+        if (now := time.monotonic()) - self._last > _AT_ONCE:
+            self._last = now
             raise KeyboardInterrupt
 
+
+@contextlib.contextmanager
+def _terminable(stop: _Stop) -> Iterator[None]:
+    """Handle signals that nobody else handles."""
     usual = {signal.SIGTERM: signal.SIG_DFL, signal.SIGINT: signal.default_int_handler}
     main = threading.current_thread() is threading.main_thread()
     own = {number: was for number, was in usual.items() if main and signal.getsignal(number) == was}

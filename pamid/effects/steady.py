@@ -15,13 +15,13 @@ class SteadyForce(Effect):
 
     family = "load"
     equations = ()
-    roles = ("position",)
+    roles = ("velocity",)
     source = "10.1007/978-1-4899-7560-7"
     size = parameter("N", -1e3, 1e3, 1.0, "force in the direction of the position", linear=True)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return F₀."""
-        return np.full(np.shape(s.position), self.size)
+        return np.full(np.shape(s.velocity), self.size)
 
 
 class SteadyInflow(Effect):

@@ -32,7 +32,6 @@ _TOP = 5e5
 _PREFIX = re.compile(r"^(valve|transport|actuator|sensor|output|force|flow|pressure|angle|position|velocity|speed)_")
 _LENGTHS = {"m", "cm", "mm", "um", "µm", "nm", "in"}
 _GEOMETRY = {"bladder_elasticity"}
-_ALONG = {"length", "angle"}
 EDGE = 0.02
 """Share of a level's range by which noise may take it below zero."""
 NEAR_END = 1e-3
@@ -161,15 +160,22 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
         place = PortPlace(
             port, "output", "output", port, scales, unit, unit, reach=reach, least=least, range_of=span / scales.target
         )
-        way = _dimension(unit) in _ALONG or port in positions
+        way = _dimension(unit) == "angle" or port in positions
         for name, effect in _effects_at("output"):
-            if any(p.periods for p in effect.parameters) and not way:
-                continue  # what repeats does so along a way
-            if issubclass(effect, ReadingRange):
+            if issubclass(effect, PeriodicReading):
+                if way:  # what repeats does so along a way
+                    yield _repeated(place.placed(name, effect))
+            elif issubclass(effect, ReadingRange):
                 side = survey.one_sided.get(port, 0) or ReadingRange.side_of(own.get(f"{name}@{port}", {}))
                 yield replace(place, reach=end if side else reach).placed(name, effect.ending(side))
             else:
                 yield place.placed(name, effect)
+
+
+def _repeated(place: Placement) -> Placement:
+    """Return a periodic effect with two periods and more in the range: a curve over fewer may be any other."""
+    within = [replace(p, lower=2.0 * p.lower) if p.periods else p for p in place.effect.parameters]
+    return replace(place, effect=place.effect.narrowed(parameters=within))
 
 
 def _at_encoders(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:

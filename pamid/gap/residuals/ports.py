@@ -366,6 +366,8 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         """
         place = self.placements[name]
         prior = float(place.effect.prior)
-        if place.acts and place.effect.follows_path() and not self._turns(place.follows.get("position", "")):
+        repeats = any(p.periods for p in place.effect.parameters)
+        path = place.follows.get("position", "") if place.acts else place.at if repeats else ""
+        if (place.acts or repeats) and place.effect.follows_path() and not self._turns(path):
             return min(prior, UNTURNED)
         return prior
