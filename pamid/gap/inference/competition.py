@@ -121,7 +121,7 @@ class Competition(FirstOrder):
     def _begun(self, about: Subsets, contenders: Sequence[Subset]) -> Hypothesis:
         """Refit the sets of effects that may be the best, and return that one."""
         best, nothing = self.base, about.fit(()).score
-        if self.begin.keys() <= set(self.usable):
+        if self.begin and self.begin.keys() <= set(self.usable):
             best = max(best, self._refined({k: dict(v) for k, v in self.begin.items()}, best), key=self._ranked)
             self._tell(best)
         tried: list[frozenset[str]] = []
