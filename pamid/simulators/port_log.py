@@ -122,10 +122,12 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
             "Name the columns in [ports], or map them ('pamid init' writes both). An input that stands still needs "
             "none: its port says start = VALUE.",
         )
-    if not any(p.kind in ("output", "state") for p in there):
+    # A simulator of whole runs returns its outputs alone: states are where runs begin.
+    shown = ("output",) if simulator.form == "run" else ("output", "state")
+    if not any(p.kind in shown for p in there):
         raise MissingColumnError(
-            f"The log holds no state and no output of the simulator; it has {has}.",
-            f"at least one of {', '.join([p.source for p in signals if p.kind != 'input'][:20])}",
+            f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}.",
+            f"at least one of {', '.join([p.source for p in signals if p.kind in shown][:20])}",
             "Name the columns in [ports].",
         )
     if "trajectory" in log.columns and is_measured(log["trajectory"], LogMapping()):
