@@ -9,8 +9,11 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.at_ports import diagnose_evidence
+from pamid.gap.residuals import part
 from pamid.gap.residuals.bends import fewest
 from pamid.gap.residuals.direct import DirectEvidence
+from pamid.gap.residuals.ports import PortEvidence
 from pamid.gap.settings import EXCESS
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
@@ -125,3 +128,14 @@ def test_a_sample_takes_as_few_steps_as_readings_can_tell() -> None:
     assert fewest(lambda n: exact + n**-4.0, exact, np.array([np.inf, 1e-2])) == 4
     assert fewest(lambda n: exact + n**-4.0, exact, np.array([1e-9, np.inf])) == STEPS
     assert fewest(lambda n: exact, exact, np.array([1e-9, 1e-9])) == 1
+
+
+def test_a_whole_log_is_not_asked_for_what_a_part_has_shown(
+    arm: MujocoSimulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evidence, asked, touched = evidence_of(log_of(ARM, 2, seconds=5.0), arm), [], PortEvidence._touched
+    monkeypatch.setattr(part, "MOST_ANSWERS", 600)
+    monkeypatch.setattr(PortEvidence, "_touched", lambda self, name: asked.append(self.log.n) or touched(self, name))
+    found, _ = diagnose_evidence(evidence, ["viscous_friction", "quadratic_drag"], 0)
+    assert found.verdict == "none" and not found.cannot_show
+    assert evidence.log.n not in asked
