@@ -9,15 +9,9 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.at_ports import diagnose_evidence
-from pamid.gap.residuals import part
-from pamid.gap.residuals.bends import fewest
 from pamid.gap.residuals.direct import DirectEvidence
-from pamid.gap.residuals.ports import PortEvidence
-from pamid.gap.settings import EXCESS
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
-from pamid.simulators.integrate import STEPS
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -93,49 +87,3 @@ def test_a_simulator_is_run_over_each_sample_where_that_says_more(rate: float, r
     evidence = evidence_of(pd.DataFrame(rows, columns=["trajectory", "time", "u", "q", "v"]), drive)
     assert isinstance(evidence, DirectEvidence) and evidence.runs_within_steps == runs
     assert all(float(np.sqrt(np.mean(np.square(evidence.z0[part])))) < most for part in evidence.parts)
-
-
-def test_a_reading_that_moves_little_is_followed_by_slopes(
-    arm: MujocoSimulator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A run over each sample is dear: of a small fault it is asked at some instants alone, of a large one at all."""
-    evidence = evidence_of(log_of(ARM, 2, seconds=5.0), arm)
-    assert isinstance(evidence, DirectEvidence) and evidence.runs_within_steps
-    name, asked, run = "sensor_bias@elbow_q", [], arm.own_steps
-
-    def counted(x: np.ndarray, *more: object, **named: object) -> np.ndarray:
-        asked.append(x.shape[1])
-        return run(x, *more, **named)  # type: ignore[arg-type]
-
-    def left(offset: float) -> np.ndarray:
-        evidence._kept.clear()
-        asked.clear()
-        return evidence.z({name: evidence.placements[name].inward({"offset": offset})})
-
-    left(5e-4)  # learns the slopes
-    monkeypatch.setattr(evidence.simulator, "own_steps", counted)
-    small = left(5e-4)
-    assert 0 < sum(asked) < 0.5 * evidence.log.n
-    left(2.0)
-    assert sum(asked) > evidence.log.n
-    monkeypatch.setattr(evidence, "_turns_little", lambda x, p: False)
-    np.testing.assert_allclose(small, left(5e-4), atol=EXCESS)
-    assert np.max(np.abs(small - evidence.z0)) > 10 * EXCESS
-
-
-def test_a_sample_takes_as_few_steps_as_readings_can_tell() -> None:
-    exact = np.zeros((2, 50))
-    assert fewest(lambda n: exact + n**-4.0, exact, np.array([np.inf, 1e-2])) == 4
-    assert fewest(lambda n: exact + n**-4.0, exact, np.array([1e-9, np.inf])) == STEPS
-    assert fewest(lambda n: exact, exact, np.array([1e-9, 1e-9])) == 1
-
-
-def test_a_whole_log_is_not_asked_for_what_a_part_has_shown(
-    arm: MujocoSimulator, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    evidence, asked, touched = evidence_of(log_of(ARM, 2, seconds=5.0), arm), [], PortEvidence._touched
-    monkeypatch.setattr(part, "MOST_ANSWERS", 600)
-    monkeypatch.setattr(PortEvidence, "_touched", lambda self, name: asked.append(self.log.n) or touched(self, name))
-    found, _ = diagnose_evidence(evidence, ["viscous_friction", "quadratic_drag"], 0)
-    assert found.verdict == "none" and not found.cannot_show
-    assert evidence.log.n not in asked
