@@ -396,11 +396,13 @@ class Simulator(AnySimulator):
         raise NotImplementedError
 
     def own_steps(
-        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float
-    ) -> np.ndarray | None:
+        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float,
+        exact: int = 0,
+    ) -> np.ndarray | None:  # fmt: skip
         """Return the states a sample of dt later, inputs going straight from starts to ends, by its own integrator.
 
-        In steps of about `step` s, or as good as exact for 0; None where it has no integrator of its own.
+        In steps of about `step` s, or for 0 in so many of the Runge-Kutta method, by default as good as exact; None
+        where it has no integrator of its own.
         """
         return None
 

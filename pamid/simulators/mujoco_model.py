@@ -266,11 +266,12 @@ class MujocoSimulator(Simulator):
             _mujoco().mj_setConst(self._m, self._d)
 
     def own_steps(
-        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float
-    ) -> np.ndarray:
+        self, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray, dt: float, step: float,
+        exact: int = STEPS,
+    ) -> np.ndarray:  # fmt: skip
         """Return the states a sample later by MuJoCo's own integrator, or for steps of 0 by its Runge-Kutta method."""
         mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
-        count = max(round(dt / step), 1) if step > 0.0 else STEPS
+        count = max(round(dt / step), 1) if step > 0.0 else exact
         finite = np.isfinite(ends).all(axis=0)
         moves, out, known = not np.array_equal(starts, ends), np.empty(2 * m.nv), (m.opt.timestep, m.opt.integrator)
 

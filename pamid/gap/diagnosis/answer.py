@@ -101,7 +101,7 @@ def answer(
         deviations=dict(zip(evidence.free, map(float, fit.x), strict=True)),
         unexplained=_unexplained(evidence, before, after, equations) if causes and not alike else [],
         not_tested=dict(evidence.skipped),
-        cannot_show=[name for name in competition.library if not evidence.touched([name])],
+        cannot_show=[name for name in competition.library if not competition.evidence.touched([name])],
         rivals=rivals_of(competition, verdict),
     )
 

@@ -39,6 +39,8 @@ class Template:
     """Of a limit, where it begins to act: what the signal reaches."""
     kind: type[Effect] | None = None
     """The effect."""
+    of: float = 1.0
+    """Points of a fine grid for each that was kept since it closes most: noise has as many chances."""
 
     @property
     def family(self) -> str:
@@ -82,6 +84,7 @@ def laid(evidence: ResidualSource, name: str) -> list[Template]:
         return _small_change(evidence, name, others[0])
     points = itertools.product(*(grid(p, sum(not q.refines for q in others)) for p in others))
     grids = [{p.name: float(v) for p, v in zip(others, point, strict=True)} for point in points]
+    every = len(grids)
     if any(p.spacing for p in others):
         grids = _peaks(evidence, name, grids, linear)
     found = []
@@ -91,7 +94,8 @@ def laid(evidence: ResidualSource, name: str) -> list[Template]:
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
-            found.append(Template(name, fixed, tuple(p.name for p in linear), D, lower, upper, top, effect))
+            names, of = tuple(p.name for p in linear), every / len(grids)
+            found.append(Template(name, fixed, names, D, lower, upper, top, effect, of))
     return found
 
 

@@ -54,12 +54,14 @@ def library_test(
     directions = _directions(found, root, Q)
     while some := list(islice(directions, _AT_ONCE)):
         # One product for many templates: the draws are far more numbers than these, and are read once.
-        along = np.concatenate([U for U, _ in some], axis=1).T @ Z
-        ends = np.cumsum([U.shape[1] for U, _ in some])
-        for (U, positive), own in zip(some, np.split(along, ends[:-1]), strict=True):
+        along = np.concatenate([U for U, *_ in some], axis=1).T @ Z
+        ends = np.cumsum([U.shape[1] for U, *_ in some])
+        for (U, positive, of), own in zip(some, np.split(along, ends[:-1]), strict=True):
             score = 0.5 * np.sum(own * own, axis=0)
             if positive:
                 score = np.where(own[0] < 0.0, score, 0.0)
+            if of > 1.0:
+                score[1:] = best_of(of, score[1:], len(own))
             best = np.maximum(best, score - least_penalty(U.shape[1], evidence))
     drawn = best[1:]
     spread = max(float(np.std(drawn)) * np.sqrt(6.0) / np.pi, 0.3)
@@ -68,8 +70,16 @@ def library_test(
     return Significance(float(best[0]), float(p), place - spread * float(np.log(-np.log(0.99))))
 
 
-def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> Iterator[tuple[np.ndarray, bool]]:
-    """Yield an orthonormal basis of a template's changes beside tolerances, and whether it is of one sign."""
+def best_of(many: float, score: np.ndarray, k: int) -> np.ndarray:
+    """Return what draws of a score of k parameters are as draws of the best of many independent ones."""
+    from scipy.special import chdtrc, chdtri
+
+    rare = np.log1p(-np.minimum(chdtrc(k, 2.0 * score), 1.0 - np.finfo(float).eps)) / many
+    return np.maximum(score, 0.5 * chdtri(k, np.maximum(-np.expm1(rare), np.finfo(float).tiny)))
+
+
+def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> Iterator[tuple[np.ndarray, bool, float]]:
+    """Yield an orthonormal basis of a template's changes beside tolerances, whether it is of one sign, and `of`."""
     for t in found:
         whole = t.columns * root[:, None]
         T = whole - Q @ (Q.T @ whole)
@@ -79,12 +89,12 @@ def _directions(found: Iterable[Template], root: np.ndarray, Q: np.ndarray) -> I
             continue
         T = T[:, usable] / size[usable]
         if T.shape[1] == 1:
-            yield T, bool(t.lower[usable][0] >= 0.0)  # an amplitude that cannot be negative
+            yield T, bool(t.lower[usable][0] >= 0.0), t.of  # an amplitude that cannot be negative
             continue
         U, s, _ = np.linalg.svd(T, full_matrices=False)
         U = U[:, s > 1e-4 * s[0]]
         positive = U.shape[1] == 1 and bool(t.lower[usable][0] >= 0.0)
-        yield (U * np.sign(U[:, 0] @ T[:, 0]) if positive else U), positive
+        yield (U * np.sign(U[:, 0] @ T[:, 0]) if positive else U), positive, t.of
 
 
 def least_penalty(k: int, evidence: ResidualSource) -> float:
@@ -93,9 +103,12 @@ def least_penalty(k: int, evidence: ResidualSource) -> float:
 
 
 def _signs(evidence: ResidualSource, random_state: np.random.RandomState) -> np.ndarray:
-    """Draw the sign of every stretch of time of every run and side, shape (n_windows, REPLICATES)."""
+    """Draw the sign of every stretch of time of every run, shape (n_windows, REPLICATES).
+
+    It is one for all equations: the noise of a reading is in each that reads it.
+    """
     stretch = np.floor(evidence.time / evidence.stretch).astype(int)
-    _, label = np.unique(np.column_stack([evidence.run, evidence.side, stretch]), axis=0, return_inverse=True)
+    _, label = np.unique(np.column_stack([evidence.run, stretch]), axis=0, return_inverse=True)
     draws = random_state.randint(0, 2, size=(label.max() + 1, REPLICATES)) * 2 - 1
     return draws[label.ravel()]
 

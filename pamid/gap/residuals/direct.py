@@ -23,6 +23,7 @@ from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest
 from ...simulators.base import Simulator
+from ...simulators.integrate import STEPS
 from ...simulators.links import Link
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
@@ -33,17 +34,16 @@ from ...simulators.structure import (
     pushes_of,
     rate_unit,
     some_instants,
-    straight,
 )
 from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .bends import carried, matters, means, simpson, steps_of
 from .between_rows import after, needed, passed_on, timings
-from .derived import rounded_off, speed_slopes, typical_slopes
+from .derived import speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .kinks import at_unknown_instants, root_mean_square
-from .motion_signals import MotionSignals
+from .motion_rates import MotionRates
 from .port_windows import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints
@@ -56,7 +56,7 @@ from .window_length import Rate, no_windows, samples
 Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
-class DirectEvidence(MotionSignals):
+class DirectEvidence(MotionRates):
     """Residuals of the equations of a simulator whose states the log holds."""
 
     how = "of the simulator's own equations, whose states the log holds, in the weak form"
@@ -69,8 +69,8 @@ class DirectEvidence(MotionSignals):
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
         self._straight: dict[tuple[int, float], bool] = {}
-        # Of two sets of parameters, and what inputs do there.
-        self._asked: Remembered[np.ndarray] = Remembered(2 * (1 + len(simulator.inputs)))
+        # Of two sets of parameters, and what inputs do there; what states do at one.
+        self._asked: Remembered[np.ndarray] = Remembered(2 * (1 + len(simulator.inputs)) + len(simulator.states))
         self._table: dict[str, np.ndarray] = {}
         self._spreads, self._moved = Remembered[Any](16), Remembered[Any](8)
         self._jumps: dict[str, np.ndarray] = {}
@@ -78,6 +78,7 @@ class DirectEvidence(MotionSignals):
         self._x, self._base_rates = np.zeros((0, log.n)), np.zeros((0, 2 * log.n))
         self._bend = np.zeros((len(simulator.states), 2 * log.n))
         self._curve = np.zeros((len(simulator.states), log.n))
+        self._exact = STEPS
         self._step: float | None = None
         """Step by which the simulator is run over each sample; None where lines between its ends are enough."""
         self._through = np.eye(len(simulator.states))
@@ -364,7 +365,8 @@ class DirectEvidence(MotionSignals):
         """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
         if self._step is None:
             return self.simulator.rate(*self._both(x, u0, u1, p))
-        return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, wide(p, self.log.n)), 2)
+        each = wide(p, self.log.n)
+        return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, each, self._exact), 2)
 
     def _bent(self, rates: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """Return what curves within each step add to the means of rates that do not contain it.
@@ -399,6 +401,8 @@ class DirectEvidence(MotionSignals):
         best = min((None, *steps_of(self.simulator)), key=left)
         left(best)
         self.runs_within_steps = best is not None
+        if best == 0.0:
+            self._take_fewer_steps()
         if self.runs_within_steps:
             self._through = carried(typical_slopes(self.simulator, self.simulator.states, *self._some()), self.log.dt)
         if best and best != self.simulator.own_step:
@@ -406,49 +410,6 @@ class DirectEvidence(MotionSignals):
                 f"The log looks as if the model had made it in steps of {1e3 * best:g} ms: it states "
                 f"{1e3 * self.simulator.own_step:g} ms. The fit follows these steps, and does not call them a cause."
             )
-
-    def _total_rates(
-        self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool
-    ) -> np.ndarray:
-        """Return the rates; where only inputs differ and the rates are linear in them, by superposition."""
-        lacking = np.tile(self._rounding @ rounded_off(self.simulator, self.derived, x, self.log), 2)
-        return lacking + self._bend + self._rates_at(x, u, pushed, p, restored)
-
-    def _rates_at(self, x: np.ndarray, u: np.ndarray, pushed: np.ndarray, p: np.ndarray, restored: bool) -> np.ndarray:
-        start, end = np.hsplit(pushed, 2)
-        if restored or p.ndim != 1:
-            return self._rates(x, start, end, p)
-        change = pushed - np.hstack([self._u, self._ends(self._u)])
-        sizes = {k: 2.0 ** np.ceil(np.log2(np.max(np.abs(row)))) for k, row in enumerate(change) if np.any(row)}
-        if not all(self._is_straight(k, size) for k, size in sizes.items()):
-            return self._rates(x, start, end, p)
-        out = self._base(p)
-        for k in sizes:
-            out = out + self._slope(k, p) * change[k]
-        return out
-
-    def _base(self, p: np.ndarray) -> np.ndarray:
-        """Return the rates of the measured motion at both ends of each step; cached for the latest parameters."""
-        if np.array_equal(p, self.simulator.numbers):
-            return self._base_rates
-        return self._asked.get(("base", p.tobytes()), lambda: self._rates(self._x, self._u, self._ends(self._u), p))
-
-    def _slope(self, k: int, p: np.ndarray) -> np.ndarray:
-        """Return the slope of the rates over an input at both ends of each step."""
-
-        def found() -> np.ndarray:
-            up, ends, step = self._u.copy(), self._ends(self._u).copy(), self._steps[k]
-            up[k] += step
-            ends[k] += step
-            return (self._rates(self._x, up, ends, p) - self._base(p)) / step
-
-        return self._asked.get((k, p.tobytes()), found)
-
-    def _is_straight(self, k: int, size: float) -> bool:
-        """Return whether the rates are linear in an input over changes of a size, at some instants."""
-        if (k, size) not in self._straight:
-            self._straight[k, size] = straight(self.simulator, *self._some(), k, size)
-        return self._straight[k, size]
 
     def _windowed(
         self, active: Active, readings: Mapping[str, np.ndarray], rates: np.ndarray, outputs: np.ndarray
