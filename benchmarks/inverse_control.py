@@ -21,7 +21,7 @@ from pamid.constants import GRAVITY
 LOW, HIGH = 0.02, 0.12
 """Contractions between which the references move."""
 TRAINED, UNTRAINED = (30.0, 60.0), (22.0, 52.0)
-PID_ALONE, INVERSE, LEARNING = "PID alone", "inverse model", "inverse model, learning on"
+PID_ALONE, INVERSE, LEARNING = "PID alone", "inverse model", "inverse model, learning online"
 SECOND, ROW = 1000, 10
 """Control periods between two updates of a model that learns on, and between two of its rows."""
 

@@ -362,7 +362,7 @@ class UnitWarning(PamidWarning):
 
 
 class ReadingWarning(PamidWarning):
-    """Readings that are impossible, jump and return, or are stuck, and how they are treated."""
+    """Impossible readings, glitches and stuck sensors, and how they are treated."""
 
 
 class ExcitationWarning(PamidWarning):

@@ -42,8 +42,8 @@ def write_corrected(d: Diagnosis, stage: Path, folder: Path, log: pd.DataFrame |
         short: dict[str, float] = {}
         notes = _unless_it_fails(stage, names, lambda: short.update(_short(d, log, again[0])))
         if short and simulator.inexact:
-            notes = [f"{_told(short, names[1])}: MuJoCo's frictionloss is not quite the friction of this log. "
-                     f"{names[0]} and {names[2]} have it as it was identified."]  # fmt: skip
+            notes = [f"{_told(short, names[1])}: MuJoCo's frictionloss differs from the friction of this log. "
+                     f"{names[0]} and {names[2]} contain the identified friction."]  # fmt: skip
             notes += _unless_it_fails(stage, names, lambda: write(simulator.inexact))
             short = _short(d, log, again[0]) if len(notes) == 1 else {}
         notes += [f"{_told(short, names[0])} on this log, less than the report says."] if short else []

@@ -102,7 +102,7 @@ def _how(draft: Draft, guess: Guess) -> str:
         return draft.supposed[guess.signal]
     said = read_header(guess.column).unread if isinstance(guess.column, str) and guess.unit is None else ""
     return (
-        f"given; '{said}' is no unit that is known"
+        f"given; '{said}' is not a known unit"
         if guess.why == "given" and guess.signal and guess.scale == 1.0 and said
         else "given"
         if guess.why == "given"
@@ -135,7 +135,9 @@ def ask_for_columns(draft: Draft, ask: Asker) -> None:
         ask.text(f"Which column is {wanted.name}, the {wanted.meaning}? (column[:unit], or none)", "none", known)
     if lacking := draft.lacking():
         against = [
-            f"{g.column!r} is none: {g.why}" for g in draft.guesses if not g.signal and g.why.startswith("its unit")
+            f"{g.column!r} does not fit: {g.why}"
+            for g in draft.guesses
+            if not g.signal and g.why.startswith("its unit")
         ]
         raise MissingColumnError(
             f"No column is known to be {', '.join(f'{i.name} ({i.meaning})' for i in lacking)}; the log has "
@@ -150,7 +152,7 @@ def way_out(draft: Draft, lacking: list[Input]) -> str:
     wanted = lacking[0]
     if wanted.name == "time":
         return (
-            "Say which it is: --signal time=COLUMN:UNIT; if the log has no clock, say the time between its rows: "
+            "Say which it is: --signal time=COLUMN:UNIT; if the log has no clock, give the time between its rows: "
             "--constant sampling_period='10 ms'."
         )
     if draft.kind == "muscle" and wanted.name == "eps":
@@ -160,7 +162,7 @@ def way_out(draft: Draft, lacking: list[Input]) -> str:
             else "length='17.45 cm'"
         )
         return (
-            "Say which it is, for instance --signal length=COLUMN:mm; if the muscle is held still, say its length by "
+            "Say which it is, for instance --signal length=COLUMN:mm; if the muscle is held still, give its length by "
             f"--constant {each}, and --set rest_length='18.2 cm'."
         )
     if draft.kind == "joint" and wanted.name in ("drive", "gain"):
@@ -178,7 +180,7 @@ def _beside(draft: Draft) -> str:
     if not held:
         return ""
     shown = ", ".join(f"{k} = {v:g}" for k, v in list(held.items())[:8])
-    return f" Beside the samples the file holds {shown}: a gain among them is --signal gain=NAME*FACTOR."
+    return f" Besides the samples, the file holds {shown}. If one is the gain, add --signal gain=NAME*FACTOR."
 
 
 def ask_for_units(draft: Draft, ask: Asker) -> None:
@@ -218,7 +220,7 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
     found = tried(draft, draft.reference) if open_ or named else None
     doubtful = [g for g in named if found is not None and g.gauge != found]
     if found is not None and not doubtful:
-        draft.refer(found, f"{'gauge' if found else 'absolute'}, by the force that it makes")
+        draft.refer(found, f"{'gauge' if found else 'absolute'}, judged by its force")
     open_ = doubtful or [g for g in draft.pressures() if not g.settled]
     if not open_:
         return
@@ -227,7 +229,11 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
         return
     first = open_[0]
     unit = "Pa" if first.unit is None else first.unit
-    said = "'s name says one, and its force the other" if doubtful else " may be gauge or absolute: both are possible"
+    said = (
+        " is gauge or absolute: its name says one, and its force the other"
+        if doubtful
+        else " may be gauge or absolute: both are possible"
+    )
     text = f"{first.signal} (column {first.column!r}, {first.low:.4g} to {first.high:.4g} {unit}){said}"
     answer = ask.choice(f"{text}. Which?", ("gauge", "absolute"), "") if ask.interactive else ""
     if not answer:
@@ -394,7 +400,7 @@ def tell(
     if doubt:
         note(args, f"{doubt}. Correct it before you use this log.")
     if missing:
-        print("\nThis log and simulator cannot be compared yet. Once more with --force:", *missing, sep="\n  ")
+        print("\nThis log and simulator cannot be compared yet. Run init again with --force:", *missing, sep="\n  ")
         return
     print()
     show_commands(follow)

@@ -109,7 +109,7 @@ def _number(name: str, text: str) -> ModelParameter:
     unit = number["unit"].strip() if number else ""
     if unit == "C":
         raise UnitError(
-            f"--set {name} is in C, which is a temperature to some and a charge to others.", "°C, or A s",
+            f"--set {name} is in C, which may mean degrees Celsius or coulombs.", "°C, or A s",
             "Write which of them it is.",
         )  # fmt: skip
     if number and unit not in UNITS and (made := in_si(unit)):

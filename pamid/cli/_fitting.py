@@ -58,7 +58,7 @@ def held_out(
         raise TooFewTrajectoriesError(
             f"The log has {n_runs} run.",
             "at least 2, to score the model on unseen runs",
-            "Add a log, or pass --folds 0 to go without the check.",
+            "Add a log, or pass --folds 0 to skip this check.",
         )
     folds = min(args.folds, n_runs)
     if folds < args.folds:
@@ -108,7 +108,7 @@ def read_causes(folder: str) -> Causes:
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ParameterError(
-            f"{path} holds no causes as pamid writes them.", "the file of 'pamid diagnose'", "Diagnose the log again."
+            f"{path} holds no causes in pamid's format.", "the file of 'pamid diagnose'", "Diagnose the log again."
         ) from None
 
 
@@ -131,7 +131,7 @@ def hold_causes(estimator: Any, causes: Causes, args: argparse.Namespace) -> Non
     held, left = of_causes(causes, equations)
     estimator.set_params(effects={e.name: dict(e.values) for e in held} or None)
     if left:
-        note(args, f"{args.estimator} cannot hold {', '.join(left)}: its network takes what depends on the state")
+        note(args, f"{args.estimator} cannot include {', '.join(left)}: its network fits whatever depends on the state")
     if not held:
         note(args, "nothing of the diagnosis acts in this equation; the model is fitted without effects")
 

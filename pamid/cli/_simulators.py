@@ -62,7 +62,7 @@ def coded(sim: str, trust: bool) -> Simulator | None:
     takes = _top_level(path)
     if name not in takes:
         raise ParameterError(
-            f"--sim names {f'{name!r}, which {path} does not define' if name else f'{path}, not what simulates'}.",
+            f"--sim names {f'{name!r}, which {path} does not define' if name else f'{path}, but no object in it'}.",
             f"--sim {path}:NAME with one of {', '.join(takes) or 'its functions'}",
             f"Name it, for instance --sim {path}:{next(iter(takes), 'system')}.",
         )
@@ -78,7 +78,7 @@ def coded(sim: str, trust: bool) -> Simulator | None:
         )
     if not trust:
         raise UntrustedCodeError(
-            f"Only running {path} tells the signals of {name}.",
+            f"The signals of {name} are known only once {path} runs.",
             "your permission to run it",
             "Read that code, then add --trust.",
         )

@@ -123,7 +123,7 @@ class HeatTransfer(Effect):
     n_states = 1
     time_constant = parameter("s", 1e-3, 1e4, 0.2, "time constant of the cooling")
     slowing = parameter("-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure")
-    carried = parameter("-", 0.0, 1.0, 1.0, "share of its excess of temperature with which gas leaves")
+    carried = parameter("-", 0.0, 1.0, 1.0, "share of its excess temperature that leaving gas keeps")
     unknown = parameter("-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True)
 
     def _rate(self, P: Array, plant: Plant) -> Array:

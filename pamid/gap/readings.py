@@ -16,7 +16,7 @@ from .residuals.between_readings import KinematicEvidence
 from .residuals.kinematic import both_measured
 from .residuals.ports import PortEvidence
 from .residuals.states import pairs_of
-from .settings import CLOSE
+from .settings import CLOSE, CLOSE_SHARE
 
 
 def settled(
@@ -39,7 +39,8 @@ def settled(
         outcome = competition.run()
         if competition.interrupted:  # of the gap nothing is known yet
             raise KeyboardInterrupt
-        near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - CLOSE]
+        behind = CLOSE + CLOSE_SHARE * (outcome.best.score - outcome.base.score)
+        near = [h for some in outcome.alternatives.values() for h in some if h.score > outcome.best.score - behind]
         admitted, left = set().union(*(h.names for h in [outcome.best, *near])), outcome.best.left
     evidence.widen(dict(zip(between.equations, np.maximum(left, 1.0).tolist(), strict=True)))
     if refused := [k for k in faults if k not in admitted]:

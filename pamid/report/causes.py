@@ -117,7 +117,7 @@ def _deviation(own: Any, p: ParameterEstimate, full: bool) -> str:
     found = p.scaled(1.0, unit)
     known = type(found)(value, unit, (min(ends), max(ends)), p.at_bound)
     told = f"{amount_within(value, *known.ci90, unit)}{_interval(known, unit, full)}"
-    return f"{told}, the simulator has {amount(own.value, unit)}"
+    return f"{told}, instead of the simulator's {amount(own.value, unit)}"
 
 
 def _telling(kind: type[Effect] | None, sizes: Estimates) -> list[tuple[str, ParameterEstimate]]:

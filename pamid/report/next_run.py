@@ -11,12 +11,12 @@ from .quantities import capital, parameter
 def summary(plan: Plan) -> str:
     """Return the plan in one or two sentences."""
     if plan.purpose == "none":
-        return "Nothing is undecided, and no cause is named whose parameters a run could determine."
+        return "Nothing is undecided, and no named cause has parameters that a run could determine."
     said = [named(n) for n in plan.explanations]
     if plan.purpose == "unseen":
         listed = ", ".join(said[1:])
         now = "The next run is designed to show them." if plan.tells else "No run within the limits would show them."
-        return f"The logs need no effect, but would hardly have shown these at their typical size: {listed}. {now}"
+        return f"The logs need no effect, but some would hardly have shown at their typical size: {listed}. {now}"
     if plan.purpose == "parameters":
         if not plan.tells:
             return f"Only {said[0]} remains, and no run within the limits would narrow its parameters by much."
@@ -44,7 +44,7 @@ def outcomes(plan: Plan) -> list[str]:
         for e in plan.expected if plan.runs else []:
             clear = f"the simulator without it falls behind by {e.nats:.3g} nats, most in the {e.equation} equation"
             said = clear if e.nats >= TELLS else "it would not show in this run"
-            found.append(f"If it has {named(e.truth)}, {said}.")
+            found.append(f"If the system has {named(e.truth)}, {said}.")
         return found
     for truth in plan.explanations:
         mine = [e for e in plan.expected if e.truth == truth]
@@ -62,9 +62,7 @@ def outcomes(plan: Plan) -> list[str]:
             f"{capital(named(one))} and {named(other)} would stay one class: no run within the limits tells them apart."
         )
     if plan.runs and plan.expected:
-        found.append(
-            "If each of them leaves more than noise, the cause is another one: diagnose with the whole library."
-        )
+        found.append("If all of them leave more than noise, the cause is another one: diagnose with the whole library.")
     return found
 
 
@@ -76,7 +74,7 @@ def headroom(plan: Plan) -> str:
     said = [f"The best of {plan.designs} runs gives {best:.2g} nats, a random run {usual:.2g}."]
     if math.isfinite(plan.right):
         said.append(
-            f"The right one is then expected to come first in {plan.right:.0%} of cases, after a run at random in "
+            f"The right one is then expected to come first in {plan.right:.0%} of cases; after a random run, in "
             f"{plan.right_usual:.0%}."
         )
     if best - usual < MATERIAL * best:
@@ -84,7 +82,7 @@ def headroom(plan: Plan) -> str:
     others = {words: nats for words, nats in plan.changed.items() if words != AS_IT_IS}
     most = max(others, key=lambda words: others[words], default="")
     if others and others[most] - best > MATERIAL * best:
-        said.append(f"With {most} the best gives {others[most]:.2g} nats{': change the system' if plan.rig else ''}.")
+        said.append(f"With {most} the best run has {others[most]:.2g} nats{': change the system' if plan.rig else ''}.")
         said += [] if plan.rig else ["If this change of the system is possible, declare it (--change)."]
     elif others:
         said.append(f"None of these changes of the system would tell more: {', '.join(others)}.")

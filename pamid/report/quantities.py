@@ -75,9 +75,9 @@ def effect(name: str) -> str:
 
 
 _SAID = {
-    "settled": "share by which the springs had relaxed when a run begins",
-    "unknown": "share of the state before a run that nobody knows",
-    "carried": "share of its excess of temperature with which gas leaves",
+    "settled": "relaxed share of the springs at the start of a run",
+    "unknown": "unknown share of the initial state",
+    "carried": "share of its excess temperature that leaving gas keeps",
 }
 """Parameters whose names alone say nothing."""
 

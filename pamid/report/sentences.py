@@ -112,8 +112,9 @@ def verdict(d: Diagnosis) -> str:
     if d.verdict == "none":
         return "No gap beyond the noise" + (" in what could be tested" if d.cannot_show else "")
     if d.families:
-        kinds, words = listed(list(dict.fromkeys(c.family for c in d.families))), Words.of(d)
-        return f"A gap whose cause is unknown and acts like {kinds}: {listed([either(c, words) for c in d.families])}"
+        kinds = listed(list(dict.fromkeys(c.family for c in d.families)))
+        found = listed([either(c, Words.of(d)) for c in d.families])
+        return f"A gap whose cause is unknown but resembles {found}{f' ({kinds})' if kinds != found else ''}"
     if d.verdict == "unknown" or not d.causes:
         return f"A gap whose cause is not {'found yet' if d.interrupted else 'in the library'}"
     return _named(d) + _more(d)
@@ -212,7 +213,7 @@ def _left_out(d: Diagnosis) -> str:
     combined = {name for e in together for name in e.combines}
     text = "".join(
         f" {capital(listed(list(e.combines)))} were tested together, since the log lacks "
-        f"a {BENCH.signal(e.without).words} of each muscle."
+        f"the {BENCH.signal(e.without).words} of each muscle."
         for e in together
     )
     alone = {name: why for name, why in d.not_tested.items() if name not in combined}
@@ -255,7 +256,7 @@ def _band_text(d: Diagnosis, equation: str) -> str:
     if band.share < 0.4:
         return ", at all frequencies"
     place = f"below {band.to_hz:.3g} Hz" if band.from_hz <= 0 else f"from {band.from_hz:.3g} to {band.to_hz:.3g} Hz"
-    return f", and {percent(band.share)} lies {place}"
+    return f"; {percent(band.share)} of it lies {place}"
 
 
 def query_words(query: str, words: Words = BENCH) -> str:
@@ -305,17 +306,16 @@ def which(d: Diagnosis) -> str:
     if not d.tested:
         return "No answer: there is no evidence for or against a gap."
     if d.verdict == "none":
-        text = f"the parameters within their tolerances and the sensors' noise explain the log{_confidence(d)}"
+        text = f"parameters within their tolerances and sensor noise explain the log{_confidence(d)}"
         if not d.cannot_show:
             return f"None: {text}."
         silent = listed([effect(name) for name in d.cannot_show], "or")
-        return f"None among those that this log can show: {text}. It cannot show {silent}."
+        return f"None of the effects that this log can show: {text}. It cannot show {silent}."
     if d.families:
-        sizes = [f"{cause_names(c, words)[0]} {size(c, words)}".rstrip() for c in d.families]
-        return f"No effect {tried} explains it, even allowing for inexact forms. Closest: {'; '.join(sizes)}."
+        closest = "; ".join(_sized(c, words) for c in d.families)
+        return f"No effect {tried} explains it, even allowing for inexact forms. Closest: {closest}."
     if d.verdict == "unknown" or not d.causes:
-        text = f"No effect {tried} explains it"
-        best = best_effect(d)
+        text, best = f"No effect {tried} explains it", best_effect(d)
         if best is not None and best.closed_share < _NOTHING:
             text = f"No effect {tried} explains any of it"
         elif best is not None:
@@ -343,11 +343,15 @@ def _one_a_line(d: Diagnosis) -> str:
     for c in main:
         names = cause_names(c, words)
         rest = f", or {listed(names[1:], 'or')}" if len(names) > 1 else ""
-        told = f"{capital(names[0])} {size(c, words)}".rstrip()
-        lines.append(f"{told}{rest}: {percent(c.share)} of the gap, {words.in_equation(c.equation)}.")
+        share = f"{percent(c.share)} of the gap, {words.in_equation(c.equation)}"
+        lines.append(f"{capital(_sized(c, words))}{rest}: {share}.")
     small = [cause_names(c, words)[0] for c in d.causes if c not in main]
     lines += [f"{capital(listed(small))}: under 2 % of the gap{' each' * (len(small) > 1)}."] if small else []
     return "\n".join([*lines, f"Confidence {at_least(min(c.confidence for c in main))}{' in each' * (len(main) > 1)}."])
+
+
+def _sized(cause: Cause, words: Words) -> str:
+    return ", ".join(filter(None, (cause_names(cause, words)[0], size(cause, words))))
 
 
 def _confidence(d: Diagnosis) -> str:
@@ -381,7 +385,8 @@ def how_far(d: Diagnosis) -> str:
     c, words = closures[0], Words.of(d)
     it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
     share = f"{interval_of(c.closed_share, *c.ci90)} of the gap"
-    became = f"{amount(c.rmse_before, c.unit)} becomes {amount(c.rmse_after, c.unit)} (noise: {_noise(c)})"
+    before, after, noise = (amount(x, c.unit) for x in (c.rmse_before, c.rmse_after, c.noise_floor))
+    became = f"error {before} before, {after} after (noise: {noise})"
     text = f"Adding {it} closes {share} {words.in_equation(c.equation)} on unseen {_unseen(d)}: {became}"
     if not any(o.closed_share for o in closures) and c.ci90 == (0.0, 1.0):
         return f"On unseen {_unseen(d)} the gap {words.in_equation(c.equation)} is within the noise: {became}."
@@ -398,7 +403,7 @@ def _by_itself(c: Closure) -> str:
     rest = _ALLOWED[kind].format(of) if kind in _ALLOWED else f"the {c.allowed}"
     return (
         f" The corrected simulator by itself closes {percent(c.alone)}: the fit also adjusts {rest}, "
-        "which this log does not show."
+        "which that simulator does not contain."
     )
 
 
@@ -421,10 +426,6 @@ def _errors(d: Diagnosis) -> str:
     return f": {listed(lines)}" if lines else ""
 
 
-def _noise(c: Closure) -> str:
-    return amount(c.noise_floor, c.unit)
-
-
 # --- next ---------------------------------------------------------------------------------------------------
 def experiment(e: NextExperiment) -> str:
     """Return the advice on the next recording."""
@@ -443,7 +444,6 @@ def experiment(e: NextExperiment) -> str:
         text += f" ({', '.join(numbers)})"
     if e.separates:
         text += f": it distinguishes {listed([effect(s) for s in e.separates], 'from')}"
-
     if math.isfinite(e.expected) and e.expected > 0:
         ratio = math.exp(min(e.expected, 20.0))
         odds = "more than 1000" if ratio > 1000 else f"about {float(f'{ratio:.2g}'):g}"

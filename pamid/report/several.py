@@ -20,4 +20,4 @@ def changed(change: Change) -> str:
         "grows": f"{name} grows {since}: {what} from {' to '.join(values)}",
         "shrinks": f"{name} shrinks {since}: {what} from {' to '.join(values)}",
     }.get(change.how, f"{name} differs from {change.log} on")
-    return f"{said} (log-likelihood higher by {change.evidence:.0f} than with one that stays)."
+    return f"{said} (log-likelihood higher by {change.evidence:.0f} than if it stayed the same)."

@@ -134,7 +134,7 @@ class Simulator(AnySimulator):
                 )
         if port.through and port.through not in self.inputs:
             raise ParameterError(
-                f"through of the {port.kind} {port.name} is {port.through!r}.",
+                f"'through' of the {port.kind} {port.name} is {port.through!r}.",
                 f"an input: {', '.join(self.inputs) or 'there is none'}",
                 "Name the input that its forces act like.",
             )
@@ -316,7 +316,9 @@ class Simulator(AnySimulator):
         same = known is None or (shown is not None and np.allclose(known, shown, rtol=1e-9, equal_nan=True))
         if list(again.effects) != list(self.effects) or not same:
             raise SimulatorRunError(
-                "corrected.toml, read again, is another simulator.", "the one of the report", "Tell pamid's authors."
+                "corrected.toml does not read back as the same simulator.",
+                "the one of the report",
+                "Tell pamid's authors.",
             )
         write_whole(path, self.page_text(folder))
         return self

@@ -226,7 +226,7 @@ def _said(
     raise ParameterError(
         f"It is not known how {b.first} and {b.second} respond to an effect between them.",
         'inertia = ["...", "..."] under [[between]], or inputs named in through at both',
-        "Say the mass, inertia or capacity of each end, a number or a formula of the parameters.",
+        "Give the mass, inertia or capacity of each end, a number or a formula of the parameters.",
     )
 
 

@@ -306,7 +306,7 @@ class _Matcher:
         if match.port in degrees:
             return replace(match, unit="deg", why=degrees[match.port])
         if (unread := read_header(column.name).unread) and not self._in_a_list(column.name):
-            doubts[match.port] = f"{unread} is no unit that is known: say which it is"
+            doubts[match.port] = f"{unread} is not a known unit: say which it is"
         beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
         if beyond:
             doubts[match.port] = f"{beyond}: say its unit"

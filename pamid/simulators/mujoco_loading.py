@@ -153,7 +153,9 @@ def given_state(path: Path, m: Any) -> int:
     kinds = mujoco_module().mjtState
     spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
     if mujoco_module().mj_stateSize(m, spec) != 3 * m.nv + m.nu:
-        raise SimulatorSyntaxError(f"{path} has other states.", "only joints and inputs", "Leave them out.")
+        raise SimulatorSyntaxError(
+            f"{path} has other states than those of joints.", "only joints and inputs", "Leave them out."
+        )
     return int(spec)
 
 

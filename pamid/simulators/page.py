@@ -53,7 +53,7 @@ def bare_model(path: Path, trust: bool = False) -> Simulator:
 def simulator_kinds() -> dict[str, type[Simulator]]:
     """Return the kinds of simulators that a simulator file may name, with their classes."""
     found = {kind: cls for cls in subclasses("pamid.simulators", Simulator, _NOT_KINDS) for kind in cls.kinds}
-    expected = "a whole class below pamid.simulators.Simulator with kinds of its own"
+    expected = "a complete subclass of pamid.simulators.Simulator with its own kinds"
     for source, thing in plugins("pamid.simulators", expected):
         whole = isinstance(thing, type) and issubclass(thing, Simulator) and not isabstract(thing)
         if whole and thing.kinds and not set(thing.kinds) & set(found):

@@ -119,18 +119,20 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
         raise MissingColumnError(
             f"The log lacks {', '.join(lacking)}; it has {has}.",
             f"time, and a column for each input: {', '.join(p.source for p in wanted if p.name not in mute) or 'none'}",
-            "Name the columns in [ports], or map them ('pamid init' writes both). An input that stands still needs "
-            "none: its port says start = VALUE.",
+            "Name the columns in [ports], or map them ('pamid init' writes both). A constant input needs "
+            "none if its port has start = VALUE.",
         )
-    if not any(p.kind in ("output", "state") for p in there):
+    # A simulator of whole runs returns its outputs alone: states are where runs begin.
+    shown = ("output",) if simulator.form == "run" else ("output", "state")
+    if not any(p.kind in shown for p in there):
         raise MissingColumnError(
-            f"The log holds no state and no output of the simulator; it has {has}.",
-            f"at least one of {', '.join([p.source for p in signals if p.kind != 'input'][:20])}",
+            f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}.",
+            f"at least one of {', '.join([p.source for p in signals if p.kind in shown][:20])}",
             "Name the columns in [ports].",
         )
     if "trajectory" in log.columns and is_measured(log["trajectory"], LogMapping()):
         raise ColumnTypeError(
-            "The column 'trajectory' of the log holds another number in nearly every row: a signal.",
+            "The column 'trajectory' of the log is a signal: it has a different number in nearly every row.",
             "the name of each row's run",
             "Rename the column.",
         )
@@ -165,8 +167,8 @@ def _without_ends(log: PortLog, readings: list[str]) -> PortLog:
             gaps[name] = gaps.get(name, False) | rows
             channels[name] = np.concatenate([_bridged(x[a:b], rows[a:b]) for a, b in log.spans])
             notes.append(
-                f"{name} stands at {x[end.rows][0]:.4g}, an end of what it reads, in {100 * rows.mean():.1f} % of the "
-                "rows while it moves elsewhere: its sensor's range ends there. These readings are left out."
+                f"{name} stays at {x[end.rows][0]:.4g}, the limit of its readings, in {100 * rows.mean():.1f} % of the "
+                "rows and moves in the others: its sensor saturates. These readings are left out."
             )
     return replace(log, channels=channels, gaps=gaps, notes=notes)
 

@@ -126,8 +126,8 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
             yield f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it ({option} turns it)"
         elif alike > _ALIKE and not 1 / _GAIN < factor < _GAIN:
             yield (
-                f"{name} seems to be in another unit: {simulator.states[i]} moves as with {factor:.3g} times its values"
-                f"{_ways_out(_Way(simulator.port(name), factor, u[k]))}"
+                f"{name} seems to be in another unit: {simulator.states[i]} moves as if it were {factor:.3g} times "
+                f"as large{_ways_out(_Way(simulator.port(name), factor, u[k]))}"
             )
 
 
@@ -193,7 +193,7 @@ def _ways_out(*ways: _Way) -> str:
         if found:
             likely.append(f"{port.name} in {' or '.join(found)} would ({_option(port, f':{found[0]}')})")
         elif np.ptp(values) > _COUNTS and np.array_equal(values, np.round(values)):
-            likely.append(f"{port.name}, in whole numbers, in counts of a converter would ({factor})")
+            likely.append(f"{port.name} in counts of a converter (whole numbers) would ({factor})")
         plain.append(factor)
     return f", as {' or '.join(likely)}" if likely else f" ({' or '.join(plain)} converts it)"
 

@@ -78,8 +78,8 @@ class Port:
         if self.kind in ("input", "output", "state") and self.source == RESERVED[0]:
             raise ParameterError(
                 f"The port {self.name} is read from the column {self.source!r}.", "another column: it names the runs",
-                "Give the port another name, or the key 'column'; a signal of that name in a log gets another by a "
-                f"mapping: pamid init LOG --signal NAME={RESERVED[0]}.",
+                "Give the port another name, or the key 'column'; if the log has a signal of that name, rename it: "
+                f"pamid init LOG --signal NAME={RESERVED[0]}.",
             )  # fmt: skip
         if self.kind in ("input", "output", "state") and self.source == RESERVED[1] != self.column:
             raise ParameterError(

@@ -80,7 +80,7 @@ def joints_of(
             for role, name in (("position", port.position), ("velocity", port.velocity)):
                 if name and name not in simulator.states:
                     raise ParameterError(
-                        f"The {role} of the joint '{port.name}' is {name!r}, which is no state.",
+                        f"The {role} of the joint '{port.name}' is {name!r}, which is not a state.",
                         f"one of its states: {', '.join(simulator.states)}",
                         f"Name the state that {name!r} reads: forces of a joint act along its states.",
                     )

@@ -43,7 +43,7 @@ def test_states_within_a_system_are_not_asked_for(cell: Path, capsys: pytest.Cap
     assert main(["init", "cell.csv", "--sim", "bare.toml", "--trust", "--yes", "--out", "setup"]) == 0
     told = capsys.readouterr().out
     assert "--signal y0=COLUMN" in told and "x0" not in told
-    assert "Once more with --force" in told
+    assert "Run init again with --force" in told
 
 
 def test_a_system_in_a_python_file_gets_a_simulator_file(cell: Path, capsys: pytest.CaptureFixture[str]) -> None:

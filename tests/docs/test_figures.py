@@ -94,7 +94,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     def tracked(part: str, name: str, task: str) -> float:
         return float(re.findall(r"([\d.]+) \(", re.findall(rf"^{re.escape(name)} .*$", part, re.M)[0])[column[task]])
 
-    alone, inverse, learning = "PID alone", "inverse model + PID", "inverse model, learning on + PID"
+    alone, inverse, learning = "PID alone", "inverse model + PID", "inverse model, learning online + PID"
     share = {
         (part is twice, name): tracked(part, name, "sine") / tracked(part, alone, "sine")
         for part in (usual, twice)
@@ -109,8 +109,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         f"{share[False, inverse]:.2f} times the error of PID alone (with twice the friction, "
         f"{share[True, inverse]:.2f} times)",
     )
-    yield "docs/inverse.md", f"learning on, {share[False, learning]:.2f} and {share[True, learning]:.2f} times."
-    yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning on {share[True, learning]:.2f}"
+    yield "docs/inverse.md", f"learning online, {share[False, learning]:.2f} and {share[True, learning]:.2f} times."
+    yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning online {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",
         f"the error is {tracked(twice, inverse, 'steps')} % with the inverse model, "
@@ -164,13 +164,19 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     biased, told, rate = re.findall(r"absorbed a cause: (\d+), told (\d+) \((\d+)%", opinions)[0]
     clean, accused = re.findall(r"clean: (\d+), accused (\d+)", opinions)[0]
     assert accused == "0"
-    yield "docs/published.md", f"In {biased} of {int(fits) - int(clean)} fits to logs with one of {causes} causes"
-    yield "docs/published.md", f"{told} of these were found ({rate} %). None of {clean} fits to logs without a cause"
+    yield "docs/published.md", f"Of {int(fits) - int(clean)} fits to logs with one of {causes} causes, {biased} have"
+    yield (
+        "docs/published.md",
+        f"{told} of these causes were found ({rate} %). None of {clean} fits to logs without a cause",
+    )
     aim = "of those named without reserve"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
     yield "docs/withheld.md", f"**measured** here were {share} %"
-    yield "docs/diagnosis.md", f"Without reserve, at most 5 % should be wrong; [{share} % were](withheld.md#results)"
+    yield (
+        "docs/diagnosis.md",
+        f"Of those without reserve, at most 5 % should be wrong; [{share} % were](withheld.md#results)",
+    )
     yield "docs/theory-diagnosis.md", f"[{share} % were](withheld.md#results)"
 
 

@@ -105,7 +105,7 @@ def test_none_says_what_it_could_not_show():
     assert found.cannot_show == ["force_bias", "force_gain"]
     told = answers(found)
     assert told.verdict == "No gap beyond the noise in what could be tested"
-    assert "Force and joint were tested together, since the log lacks a tension of each muscle." in told.where
+    assert "Force and joint were tested together, since the log lacks the tension of each muscle." in told.where
     assert "force–joint" in told.where
-    assert told.which.startswith("None among those that this log can show")
+    assert told.which.startswith("None of the effects that this log can show")
     assert "It cannot show force bias or force gain." in told.which

@@ -5,8 +5,10 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.simulated import evidence_of
+from pamid.gap.residuals.direct import DirectEvidence
+from pamid.gap.residuals.states import measured_states
 from pamid.simulators import EquationSimulator, ModelParameter, Port
+from pamid.simulators.port_log import port_log
 
 TANKS = EquationSimulator(
     {"dh1/dt": "k*pump - a*sqrt(h1)", "dh2/dt": "a*sqrt(h1) - b*sqrt(h2)"},
@@ -62,7 +64,8 @@ def test_a_resonance_that_shows_in_the_motion_is_named():
 
 
 def test_residuals_are_filtered_as_their_noise_is():
-    evidence = evidence_of(tanks(1), TANKS)
+    log = port_log(tanks(1), TANKS)
+    evidence = DirectEvidence(log, TANKS, measured_states(TANKS, log), refit=False)
     spec = {"sensor_compliance@h1": {"frequency": 50.0, "damping": 0.05}}
     z = np.random.default_rng(0).standard_normal(len(evidence.z0))
     filtered = evidence.filtered(spec, z)

@@ -72,7 +72,8 @@ def pages(diagnoses) -> dict[str, str]:
     ("verdict", "words"),
     [
         ("cause", ("One cause: Coulomb friction", "97 % of the gap is in the force equation", "5.94 N",
-                   "5.7 to 6.2 N", "closes 95 % (90 % interval 92 to 97 %)", "5.82 N becomes 1.43 N", "below 2 Hz")),
+                   "5.7 to 6.2 N", "closes 95 % (90 % interval 92 to 97 %)", "error 5.82 N before, 1.43 N after",
+                   "of it lies below 2 Hz")),
         ("class", ("cannot tell which: Coulomb friction or hysteresis", "93 % that it is one of them",
                    "a triangle of small amplitude")),
         ("several", ("Two causes: Coulomb friction and leakage", "force (63 %) and flow (33 %)", "88 % or more")),
@@ -95,7 +96,7 @@ def test_a_gap_within_the_noise_has_no_share(diagnoses):
     noise = max(c.rmse_before for c in named.closure)
     quiet = [replace(c, closed_share=0.0, ci90=(0.0, 1.0), noise_floor=noise) for c in named.closure]
     told = answers(replace(named, closure=quiet)).how_far
-    assert "within the noise: 5.82 N becomes 1.43 N" in told and "%" not in told
+    assert "within the noise: error 5.82 N before, 1.43 N after" in told and "%" not in told
 
 
 def test_what_closes_next_to_nothing_is_no_headline(diagnoses):
@@ -154,7 +155,7 @@ def test_damping_that_is_too_small_is_viscous_friction_and_said_once(coefficient
     )  # fmt: skip
     assert cause_names(cause, words) == ["damping of knee", "viscous friction at knee"][:names]
     told = size(cause, words)
-    assert told.startswith("3.2 N m s/rad (") and told.endswith("the simulator has 2 N m s/rad")
+    assert told.startswith("3.2 N m s/rad (") and told.endswith("instead of the simulator's 2 N m s/rad")
 
 
 def test_a_size_at_a_port_without_a_unit_is_no_share() -> None:
@@ -164,8 +165,8 @@ def test_a_size_at_a_port_without_a_unit_is_no_share() -> None:
 
 
 def test_parameters_of_creep_are_told_in_words() -> None:
-    assert parameter("settled") == "share by which the springs had relaxed when a run begins"
-    assert parameter("unknown") == "share of the state before a run that nobody knows"
+    assert parameter("settled") == "relaxed share of the springs at the start of a run"
+    assert parameter("unknown") == "unknown share of the initial state"
 
 
 def test_intervals_that_data_do_not_bound_are_said_to_be_open():

@@ -9,7 +9,7 @@ import pytest
 from pamid.gap.residuals import direct
 from pamid.gap.residuals.between_readings import KinematicEvidence
 from pamid.gap.residuals.direct import DirectEvidence
-from pamid.gap.simulated import evidence_of
+from pamid.gap.residuals.states import measured_states
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
 
@@ -20,6 +20,11 @@ ENCODER = 2.0 * np.pi / 4096
 def rates(t, x, u, p):
     torque = STIFFNESS * (u.command - x.q) - DAMPING * x.dq - FRICTION * np.tanh(x.dq / 0.01)
     return [x.dq, torque / INERTIA]
+
+
+def direct_evidence(table: pd.DataFrame, simulator: FunctionSimulator) -> DirectEvidence:
+    log = port_log(table, simulator)
+    return DirectEvidence(log, simulator, measured_states(simulator, log))
 
 
 def servo() -> FunctionSimulator:
@@ -50,21 +55,21 @@ def test_what_smoothing_takes_from_a_speed_is_no_gap(log: pd.DataFrame, monkeypa
     damping = {"viscous_friction@q": {"coefficient": 20.0}}
     damped = FunctionSimulator(lambda t, x, u, p: [x.dq, STIFFNESS * (u.command - x.q) - DAMPING * x.dq], ports)
     table = log.iloc[:2000].drop(columns="dq")
-    left = evidence_of(table, damped)
+    left = direct_evidence(table, damped)
     derivative = DirectEvidence._derivative
 
     def smoother(self: DirectEvidence, name: str, x: np.ndarray) -> np.ndarray:
         return np.convolve(derivative(self, name, x), np.full(9, 1 / 9), "same")
 
     monkeypatch.setattr(DirectEvidence, "_derivative", smoother)
-    again = evidence_of(table, damped)
+    again = direct_evidence(table, damped)
     inner = slice(5, -5)  # at its ends a log has no neighbours to be smoothed with
     assert left.n == again.n
     more = [e.z(damping) * e.noise - e.value for e in (left, again)]
     assert np.std((more[1] - more[0])[inner]) < 0.02 * np.std(more[0])
     moved = np.std((again.value - left.value)[inner])
     monkeypatch.setattr(direct, "speed_slopes", lambda simulator, *_: np.zeros((len(simulator.states), 1)))
-    assert moved < 0.1 * np.std((evidence_of(table, damped).value - left.value)[inner])
+    assert moved < 0.1 * np.std((direct_evidence(table, damped).value - left.value)[inner])
 
 
 def test_readings_are_compared_without_asking_for_forces(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,9 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.direct import DirectEvidence
-from pamid.gap.simulated import evidence_of
+from pamid.gap.residuals.states import measured_states
 from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.port_log import port_log
 
 mujoco = pytest.importorskip("mujoco")
 
@@ -84,6 +85,7 @@ def test_a_simulator_is_run_over_each_sample_where_that_says_more(rate: float, r
         rows.append(("0", 0.01 * k, u, q + 1e-5 * rng.standard_normal(), v + 1e-3 * rng.standard_normal()))
         left = np.exp(-0.01 * rate)
         q, v = q + 0.01 * u + (v - u) * (1.0 - left) / rate, u + (v - u) * left
-    evidence = evidence_of(pd.DataFrame(rows, columns=["trajectory", "time", "u", "q", "v"]), drive)
-    assert isinstance(evidence, DirectEvidence) and evidence.runs_within_steps == runs
+    log = port_log(pd.DataFrame(rows, columns=["trajectory", "time", "u", "q", "v"]), drive)
+    evidence = DirectEvidence(log, drive, measured_states(drive, log))
+    assert evidence.runs_within_steps == runs
     assert all(float(np.sqrt(np.mean(np.square(evidence.z0[part])))) < most for part in evidence.parts)

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 import pamid
-from pamid.errors import SimulatorRunError
+from pamid.errors import MissingColumnError, SimulatorRunError
 from pamid.simulators import FunctionSimulator, Port
 
 PORTS = [Port("u", "input", "V"), Port("y", "output", "V")]
@@ -56,3 +56,11 @@ def test_outputs_that_are_not_finite_are_told_with_the_time():
 
     with pytest.raises(SimulatorRunError, match=r"prediction of y is nan after"):
         pamid.evaluate(log(), FunctionSimulator(rates, ports, {}, output=outputs))
+
+
+def test_a_log_that_holds_only_where_runs_begin_is_refused():
+    ports = [*PORTS, Port("h", "state", "V", start=0.0)]
+    with pytest.raises(MissingColumnError, match=r"no output of the simulator.*at least one of y"):
+        pamid.diagnose(
+            log().rename(columns={"y": "h"}), FunctionSimulator(lambda u, p, x0: [u.u], ports, {}, form="run")
+        )

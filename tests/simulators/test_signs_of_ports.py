@@ -51,7 +51,7 @@ CHANGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     "millivolts": (lambda d: d.assign(u=1e3 * d["u"]), "as u in mV would (pamid init --signal 'u=COLUMN:mV')"),
     "counts of a converter": (
         lambda d: d.assign(x=(3276.8 * d["x"]).round()),
-        "x, in whole numbers, in counts of a converter would (pamid init --signal 'x=COLUMN*0.000305')",
+        "x in counts of a converter (whole numbers) would (pamid init --signal 'x=COLUMN*0.000305')",
     ),
     "a scale of a converter": (
         lambda d: d.assign(x=0.61 * d["x"]),

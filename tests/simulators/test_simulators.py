@@ -326,5 +326,5 @@ def test_a_joint_of_an_output_is_refused_with_the_states_to_name():
     F = np.sin(3.0 * t)
     log = pd.DataFrame({"trajectory": "1", "time": t, "F": F, "q": 0.02 * F, "w": 0.06 * np.cos(3.0 * t)})
     log[["q", "w"]] += 1e-4 * rng.standard_normal((400, 2))
-    with pytest.raises(ParameterError, match="position of the joint 'slide' is 'q', which is no state"):
+    with pytest.raises(ParameterError, match="position of the joint 'slide' is 'q', which is not a state"):
         diagnose_simulator(log, simulator)

@@ -26,7 +26,7 @@ from .result import Diagnosis
 from .rivals import rivals_of
 from .signs import worst
 
-SHORT = "The answer was interrupted: its sizes are as they were fitted to the part of the log that was searched."
+SHORT = "The diagnosis was interrupted: its sizes were fitted to the part of the log that was searched."
 """What a diagnosis notes whose causes were not fitted to all rows."""
 MOST = 12
 """Number of sets of effects that a diagnosis reports."""

@@ -39,7 +39,8 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), share, reason))
     untouched = [n for n in competition.library if n not in scores]
     rows += [
-        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log allows, or nothing on it") for n in untouched
+        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log can test, or does not act on it")
+        for n in untouched
     ]
     # Causes come first in the order of the verdict; several of them may each be certain.
     place = {name: k for k, name in enumerate(sorted(named, key=lambda n: -verdict.part_of.get(n, 1.0)))}
@@ -64,7 +65,7 @@ def _reason(competition: Competition, verdict: Verdict, score: float, best: floa
     if score < competition.evidence.least_gain:
         return _NOISE
     if verdict.kind in ("unknown", "family") and score >= best:
-        return "is closest, but leaves more than an inexact form allows"
+        return "is closest, but leaves a larger error than an inexact form would"
     if score < best:
         return f"explains less: its log-likelihood is lower by {best - score:.0f}"
-    return "explains what another cause explains better together with the others"
+    return "explains a part that another cause, with the others, explains better"

@@ -1,14 +1,16 @@
 """From competing hypotheses to an answer: no gap, one cause, a class, several causes, or an unknown one."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis, Outcome
+from ..inference.sensitivity import Template
 from ..inference.significance import Excess, excess, library_test, outliers
 from ..residuals.protocol import ResidualSource
+from ..residuals.tolerances import SMALL
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM, INCLUDED
 from .closure import shapley
 from .open_set import Trust, trust
@@ -67,7 +69,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     over = [excess(evidence, base.fit.z, part, s) for part, s in zip(evidence.parts, base.left, strict=True)]
     beyond = min([min(1.0, len(over) * e.p_value) for e in over if e.scale > 1.0 + EXCESS] or [1.0])
     beyond = min(beyond, outliers(evidence, base.fit.z))
-    test = library_test(evidence, base.fit, competition.templates, random_state)
+    test = library_test(evidence, base.fit, _judged(competition), random_state)
     gain = best.score - base.score
     chance = test.p_value
     if gain > evidence.decisive:  # such evidence needs no draws where noise is independent
@@ -79,7 +81,9 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     if not np.any((base.left > 1.0 - EXCESS) & (best.left < base.left)):
         chance = 1.0
     verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
-    if chance < FALSE_ALARM and best.fit.spec and gain > evidence.least_gain:
+    # A residual beyond its noise is a gap by itself: a cause that acts in few rows need not prove it again.
+    a_gap = chance < FALSE_ALARM or (beyond < FALSE_ALARM and chance < 1.0)
+    if a_gap and best.fit.spec and gain > evidence.least_gain:
         verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
         for name in best.fit.spec:
             about = competition.gain_about(best, name)
@@ -96,6 +100,16 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     elif beyond < FALSE_ALARM:
         verdict.kind = "unknown"
     return verdict
+
+
+def _judged(competition: Competition) -> Iterator[Template]:
+    """Yield the templates that noise alone does not resemble: a gain undone in a reading scales its noise, too."""
+    alike: dict[str, bool] = {}
+    for t in competition.templates:
+        if t.effect not in alike:
+            alike[t.effect] = competition.evidence.scales_noise({t.effect: t.starts(np.full(len(t.lower), SMALL))[0]})
+        if not alike[t.effect]:
+            yield t
 
 
 def _standing(verdict: Verdict, competition: Competition) -> list[str]:

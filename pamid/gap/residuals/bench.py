@@ -348,6 +348,10 @@ class Evidence:
         """Return None: how lags filter the noise is part of `widening`."""
         return None
 
+    def scales_noise(self, spec: Spec) -> bool:
+        """Return False: no equation of a bench follows the noise of its readings so closely."""
+        return False
+
     def _noise_under(self, params: BenchParameters) -> np.ndarray:
         """Return the noise of each window under a simulator, as a share of the nominal one's."""
         noise = self.noise.copy()

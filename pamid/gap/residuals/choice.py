@@ -12,7 +12,7 @@ from .direct import DirectEvidence
 from .kinematic import both_measured
 from .stretches import BELOW, SHORT
 from .tolerances import rms
-from .window_length import window_noise
+from .window_length import HIDDEN, most_samples, window_noise
 
 ENDED = (
     "A reading stands at the end of its sensor's range: this kind of model is asked instant by instant, which takes "
@@ -68,6 +68,19 @@ def better_derived(found: DirectEvidence) -> dict[str, str]:
 def motion_is_hidden(found: DirectEvidence) -> bool:
     """Return whether noise, steps or the time between rows hide the motion of positions from row to row."""
     return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
+
+
+def rates_are_hidden(found: DirectEvidence) -> bool:
+    """Return whether the noise of a rate hides slow errors, which add up in predictions.
+
+    So it is where a log has too few rows for windows as long as that noise asks for. A simulator that is asked instant
+    by instant would take too long to predict.
+    """
+    simulator, log = found.simulator, found.log
+    if simulator.form != "ode" or simulator.one_by_one or found.n < most_samples(log):
+        return False
+    sizes = [rms(found.modelled[b.row, : log.n]) for b in found.balances]
+    return any(np.median(found.noise[p]) > HIDDEN * size > 0.0 for p, size in zip(found.parts, sizes, strict=True))
 
 
 def buried(found: DirectEvidence) -> bool:

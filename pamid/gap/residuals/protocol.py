@@ -131,6 +131,10 @@ class ResidualSource(Protocol):
         """Return residuals filtered as undoing faults of readings filters their noise; None without such faults."""
         ...
 
+    def scales_noise(self, spec: Spec) -> bool:
+        """Return whether undoing faults of readings changes their noise, which first order takes for evidence."""
+        ...
+
     def reach(self, spec: Spec) -> np.ndarray | None:
         """Return the share of a small addition that reaches each window past sensor effects; None for all of it."""
         ...

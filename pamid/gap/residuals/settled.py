@@ -34,3 +34,7 @@ class Settled:
     def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
         """Return None: no effect filters the noise."""
         return None
+
+    def scales_noise(self, spec: Spec) -> bool:
+        """Return False: no reading is undone."""
+        return False

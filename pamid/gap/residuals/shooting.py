@@ -37,7 +37,7 @@ from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, StretchEvidence, power
-from .tolerances import SMALL
+from .tolerances import SMALL, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
 UNSURE = 4.0
@@ -401,9 +401,9 @@ class ShootingEvidence(PredictedEvidence):
         sizes = dict(gaps)
         if simulator.form == "ode":
             for k, state in enumerate(simulator.states):
-                sizes[state] = 0.3 * float(np.std(self._rates[k]))
+                sizes[state] = typical(self._rates[k])
             for j in self.joints:  # most are named by their position, but have the size of an acceleration
-                sizes[j.name] = 0.3 * float(np.std(self._rates[simulator.states.index(j.velocity)]))
+                sizes[j.name] = typical(self._rates[simulator.states.index(j.velocity)])
                 if not j.position:
                     speed = self._states[simulator.states.index(j.velocity)]
                     spans[f"{j.name}.path"] = max(float(np.ptp(np.cumsum(speed[a:b]))) * log.dt for a, b in log.spans)

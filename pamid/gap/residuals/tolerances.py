@@ -189,3 +189,9 @@ def differ(before: np.ndarray, after: np.ndarray) -> bool:
 def rms(x: np.ndarray) -> float:
     """Return the root mean square; 0 of nothing."""
     return float(np.sqrt(np.mean(np.square(x)))) if len(x) else 0.0
+
+
+def typical(rate: np.ndarray) -> float:
+    """Return the size of a relevant change of a rate: a share of how it varies, or of one that stands still."""
+    varies, size = float(np.std(rate)), rms(rate)
+    return 0.3 * (varies if varies > 1e-9 * size else size)

@@ -207,6 +207,18 @@ class UndoneEvidence(PortEvidence, ABC):
             out[part] = _neighbours(out[part]) @ taps
         return out
 
+    def scales_noise(self, spec: Spec) -> bool:
+        """Return whether undoing faults of readings changes their noise, which first order takes for evidence."""
+        log = self.log
+        for name, values in spec.items():
+            place = self.placements[name]
+            for channel in set(place.readings) & set(self.simulator.states) & set(log.channels):
+                x, copy = log.channels[channel], self._copies[-1][channel]
+                truth, noisier = (place.truth(place.effect(**values), y, log.dt, log.starts) for y in (x, copy))
+                if not np.allclose(noisier - truth, copy - x):
+                    return True
+        return False
+
     def _noisier(self, spec: Spec) -> tuple[np.ndarray, np.ndarray]:
         """Return the change of the residuals by more noise, without and under effects, white as they are judged."""
 

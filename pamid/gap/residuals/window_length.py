@@ -32,8 +32,7 @@ class Rate(NamedTuple):
 
 def samples(rates: Sequence[Rate], log: PortLog) -> int:
     """Return the samples in a window: several per period of the fastest motion, more where noise hides the rates."""
-    most = max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
-    shortest = most
+    shortest = most = most_samples(log)
     for rate in rates:
         shortest = min(shortest, longest_window(rate.modelled, log))
     n = max(1, shortest, min(most, 3 if log.n > 3 * LEAST_WINDOWS else 1))
@@ -45,6 +44,11 @@ def samples(rates: Sequence[Rate], log: PortLog) -> int:
             break
         n, told = longer, more
     return n
+
+
+def most_samples(log: PortLog) -> int:
+    """Return the samples of a window of which a log and each of its runs hold enough."""
+    return max(1, min(log.n // LEAST_WINDOWS, min(e - a for a, e in log.spans) // 8))
 
 
 def longest_window(x: np.ndarray, log: PortLog) -> int:

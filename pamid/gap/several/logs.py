@@ -158,12 +158,14 @@ def diagnosed(
         try:
             return diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), {}
         except RunsDifferError as differ:
-            parts, within = parted(runs_of(given), differ.border), differ.border.time is not None
-        say("an effect changes within a run: two logs" if within else "the runs differ: each is a log of its own")
+            runs, within = runs_of(given), differ.border.time is not None
+            parts = parted(runs, differ.border)
+        note = APART if not within and len(parts) == len(runs) else WITHIN
+        say(note)
         found = diagnose_port_logs(parts, simulator, effects, conditions, seed, say)
         if within and not found.changes:
             return diagnose_at_ports(given, simulator, effects, seed, say), {}
-        return replace(found, notes=[*found.notes, WITHIN if within else APART]), parts
+        return replace(found, notes=[*found.notes, note]), parts
     if isinstance(given, Mapping):
         return diagnose_bench_logs(given, simulator, effects, conditions, seed, say), {}
     return diagnose_bench(given, simulator, effects, seed, say), {}

@@ -292,6 +292,10 @@ class StackedEvidence:
             return None
         return self._gathered([mine[k] if f is None else f for k, f in enumerate(each)])
 
+    def scales_noise(self, spec: Spec) -> bool:
+        """Return whether undoing faults of readings changes their noise, which first order takes for evidence."""
+        return any(log.evidence.scales_noise(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
+
     def _factors(self, each: Sequence[np.ndarray | None]) -> np.ndarray | None:
         if all(f is None for f in each):
             return None
