@@ -112,6 +112,7 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
         return None
     spec = added(evidence, found)
     at_inputs = [k for k in spec if evidence.placements[k].at in simulator.inputs]
+    other: PortEvidence | None
     if isinstance(evidence, ShootingEvidence):
         # It costs runs, and matters where something stands in for it.
         at_end = any(k in evidence.skews and abs(v) >= 1.0 for k, v in found.deviations.items())
@@ -120,7 +121,7 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
         return None  # one by one it would take too long
     else:
         other = evidence_of(log, evidence.given, evidence.refit, lines=not evidence.lines)
-    if type(other) is not type(evidence) or other is None or other.parts != evidence.parts:
+    if other is None or type(other) is not type(evidence) or other.parts != evidence.parts:
         return None
     other.weights = evidence.weights
     there, louder = Fitter(other), _louder(other, evidence)

@@ -31,6 +31,5 @@ def test_sets_are_not_refitted_where_nothing_exceeds_the_noise():
     said = []
     assert diagnose_simulator(filled(), TANKS, progress=said.append).verdict == "none"
     refitted = [text for text in said if text.startswith("refit with ")]
-    assert refitted
     assert not [text for text in refitted if "," in text]
     assert not [text for text in refitted if "gain" in text or "leakage" in text]
