@@ -56,7 +56,7 @@ def diagnose_at_ports(
         return replace(found, notes=[*found.notes, INTERRUPTED])
 
     def with_noise_of_inputs() -> Diagnosis:
-        if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found)).z):
+        if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
             return found
         say("once more with the noise of inputs, which causes had hidden")
         return diagnose_evidence(evidence, effects, seed, say, change)[0]

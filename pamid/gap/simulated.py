@@ -108,20 +108,47 @@ def otherwise(evidence: PortEvidence, found: Diagnosis, log: pd.DataFrame) -> Po
     Where the other one needs one cause at an input less, such as a delay of half a sample, or explains more, it is so.
     """
     simulator = evidence.simulator
-    direct = isinstance(evidence, DirectEvidence) and simulator.form == "ode"
-    if not direct or simulator.one_by_one or found.verdict in ("none", "untested"):  # one by one it would take too long
+    if found.verdict in ("none", "untested"):
         return None
     spec = added(evidence, found)
-    other = evidence_of(log, evidence.given, evidence.refit, lines=not evidence.lines)
-    if type(other) is not type(evidence) or other.parts != evidence.parts:
+    at_inputs = [k for k in spec if evidence.placements[k].at in simulator.inputs]
+    other: PortEvidence | None
+    if isinstance(evidence, ShootingEvidence):
+        # It costs runs, and matters where something stands in for it.
+        at_end = any(k in evidence.skews and abs(v) >= 1.0 for k, v in found.deviations.items())
+        other = _predicted_otherwise(evidence) if at_inputs or at_end else None
+    elif not isinstance(evidence, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
+        return None  # one by one it would take too long
+    else:
+        other = evidence_of(log, evidence.given, evidence.refit, lines=not evidence.lines)
+    if other is None or type(other) is not type(evidence) or other.parts != evidence.parts:
         return None
     other.weights = evidence.weights
-    here, there = Fitter(evidence).refine(spec).loglik, Fitter(other)
-    at_inputs = [k for k in spec if evidence.placements[k].at in simulator.inputs]
-    as_much = any(
-        there.refine({k: v for k, v in spec.items() if k != one}).loglik > here - LEAST_GAIN for one in at_inputs
-    )
-    return other if as_much or there.refine(spec).loglik > here + LEAST_GAIN else None
+    there, louder = Fitter(other), _louder(other, evidence)
+    here = Fitter(evidence).refine(spec).loglik + louder
+    for one in at_inputs:
+        less = there.refine({k: v for k, v in spec.items() if k != one})
+        if less.loglik > here - LEAST_GAIN:
+            other.hear_inputs(less)  # the gap hid their noise
+            return other
+    return other if there.refine(spec).loglik > here + LEAST_GAIN else None
+
+
+def _louder(one: PortEvidence, other: PortEvidence) -> float:
+    """Return by how much less likely the same residuals are by the noise of one evidence than by that of another."""
+    more = np.log(one.noise / other.noise)
+    return float(sum(w * np.sum(more[part]) for w, part in zip(one.weights, one.parts, strict=True)))
+
+
+def _predicted_otherwise(evidence: ShootingEvidence) -> ShootingEvidence | None:
+    """Return predictions with inputs in lines instead of held, or the reverse; None where that takes too long."""
+    simulator = evidence.simulator
+    if simulator.one_by_one if simulator.form == "ode" else not simulator.any_step:
+        return None
+    return ShootingEvidence(
+        evidence.log, evidence.given, refit=evidence.refit, lines=not evidence.lines, longest=evidence.longest,
+        like=evidence,
+    )  # fmt: skip
 
 
 def added(evidence: PortEvidence, found: Diagnosis) -> dict[str, dict[str, float]]:

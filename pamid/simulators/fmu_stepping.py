@@ -89,7 +89,7 @@ class Stepper:
         _well(status, "reading its outputs", time)
 
     def run(self, t: np.ndarray, u: np.ndarray, start: Mapping[str, float]) -> np.ndarray:
-        """Return the outputs at the times of a run, inputs held over each step."""
+        """Return the outputs at the times of a run, inputs held over each step; each row is read under its own ones."""
         t = t - t[0]
         given, out = np.ascontiguousarray(u.T, dtype=float), np.empty((len(t), len(self._asked)))
         self._begin(start, given[0], float(t[-1]))
@@ -97,7 +97,6 @@ class Stepper:
         fmu, flags = self._fmu, [ctypes.c_bool() for _ in range(3)]
         last = ctypes.c_double()
         for k in range(len(t) - 1):
-            self._put(given[k], float(t[k]))
             step = ctypes.c_double(t[k + 1] - t[k])
             if self.two:
                 status = fmu.dll.fmi2DoStep(fmu.component, ctypes.c_double(t[k]), step, ctypes.c_int(1))
@@ -107,5 +106,6 @@ class Stepper:
                     *(ctypes.byref(f) for f in flags), ctypes.byref(last),
                 )  # fmt: skip
             _well(status, "doStep", float(t[k]))
+            self._put(given[k + 1], float(t[k + 1]))  # what feeds through an output does so at once
             self._get(out[k + 1], float(t[k + 1]))
         return out.T

@@ -83,6 +83,25 @@ def test_the_wrapper_is_what_the_report_said(motor, tmp_path):
     assert np.all(off[1] < 0.02 * off[0])
 
 
+def test_what_feeds_through_is_read_under_the_input_of_its_row(tmp_path):
+    cell = tmp_path / "cell.fmu"
+    cell.write_bytes(
+        ode_fmu(
+            "cell", lambda t, x, u, p: [u.current - x.v], {"v": 0.0}, {"current": 0.0}, {"R": 2.0},
+            lambda t, x, u, p: {"volt": x.v + p.R * u.current},
+        )
+    )  # fmt: skip
+    plain = FmuSimulator(cell, trust=True)
+    v, raised = [0.0], FmuSimulator(cell, (), {}, [("actuator_gain", "current", {"deviation": 0.5})], trust=True)
+    for u in U[:-1]:
+        v.append(u + (v[-1] - u) * np.exp(-DT))
+    read = plain.run(T, U[None], plain.numbers, np.zeros(0))
+    np.testing.assert_allclose(read[0], v + 2.0 * U, atol=1e-9)
+    (tmp_path / "raised.fmu").write_bytes(wrapped(raised))
+    other = FmuSimulator(tmp_path / "raised.fmu", trust=True)
+    np.testing.assert_allclose(other.run(T, U[None], other.numbers, np.zeros(0))[:, 1:], 1.5 * read[:, 1:], atol=1e-9)
+
+
 def test_without_effects_the_wrapper_is_the_original_with_its_parameters(motor, tmp_path):
     path = tmp_path / "corrected.fmu"
     path.write_bytes(wrapped(simulator(motor)))

@@ -23,7 +23,8 @@ typedef int (*stepper)(void *, double, double, int);
 
 typedef struct {
     void *library, *own; /* the original and its instance */
-    double asked[INPUTS + 1];
+    double asked[INPUTS + 1], now;
+    int stepped; /* whether it has taken a step, so that outputs may be read before inputs are set */
 } Instance;
 
 static Instance pool[INSTANCES];
@@ -55,6 +56,7 @@ static call of(const Instance *m, const char *name)
 static int begun(Instance *m)
 {
     memcpy(m->asked, starts, sizeof starts);
+    m->stepped = 0;
     return PARAMETERS ? ((writer)of(m, "fmi2SetReal"))(m->own, parameters, PARAMETERS, identified) : OK;
 }
 
@@ -136,12 +138,14 @@ int fmi2SetReal(void *instance, const unsigned refs[], size_t n, const double va
 {
     Instance *m = instance;
     size_t i;
-    int k;
+    int k, asked = 0, status = ((writer)of(m, "fmi2SetReal"))(m->own, refs, n, values);
     for (i = 0; i < n; i++)
         for (k = 0; k < INPUTS; k++)
-            if (refs[i] == inputs[k])
+            if (refs[i] == inputs[k]) {
                 m->asked[k] = values[i];
-    return ((writer)of(m, "fmi2SetReal"))(m->own, refs, n, values);
+                asked = 1;
+            }
+    return asked && m->stepped && status < DISCARD ? refresh(m, m->now) : status;
 }
 
 EXPORT int fmi2GetReal(void *instance, const unsigned refs[], size_t n, double values[]);
@@ -176,6 +180,8 @@ int fmi2DoStep(void *instance, double now, double length, int no_set_back)
         if (status < DISCARD)
             status = ((stepper)of(m, "fmi2DoStep"))(m->own, now + k * part, part, no_set_back);
     }
+    m->now = now + length;
+    m->stepped = 1;
     return status;
 }
 

@@ -126,16 +126,18 @@ class Competition(FirstOrder):
             self._tell(best)
         tried: list[frozenset[str]] = []
         grown = not self.evidence.bends
+        # Where nothing exceeds the noise, effects are small: to first order they are what they are.
+        straight = grown or self.enough(self.base)
         for subset in self._promising(about, contenders):
             if len(subset.templates) > 1 and not grown and best.fit.spec:
                 best, grown = self._grown(best), True
-            larger = len(subset.templates) > len(best.fit.spec) > 0
+            larger = len(subset.templates) > max(len(best.fit.spec), 1)
             if larger and self.evidence.bends and self.enough(best):
                 break
             names = frozenset(self.templates[t].effect for t in subset.templates)
             if self.evidence.bends and len(names) >= LARGE and any(len(names - other) < 2 for other in tried):
                 continue  # one effect more or less, or another in its place, is tried about the best set anyway
-            if best is self.base and not self.evidence.bends and self._hopeless(about, subset, nothing):
+            if best is self.base and straight and self._hopeless(about, subset, nothing):
                 continue
             # What one effect explains exactly may need several effects to first order.
             first_order = subset.score - nothing - self.further * (len(subset.templates) - 1)

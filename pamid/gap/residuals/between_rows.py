@@ -82,14 +82,26 @@ def timings(
     """
     begun = passed_on(active, u, inputs, log, held, rested=True)
     u = passed_on(active, u, inputs, log, held)
-    there, back = after(u, log), before(u, log)
-    changes = 0.25 * (there - back), (there - 2.0 * u + back) / 3.0, begun - u
-    for name, change in zip(TIMINGS, changes, strict=True):
+    for name, change in zip(TIMINGS, (*_shifted_and_bent(u, log), begun - u), strict=True):
         for k, of in enumerate(inputs):
             if np.ptp(u[k]) > 0.0:
                 moved = u.copy()
                 moved[k] += change[k]
                 yield f"{name} of {of}", moved
+
+
+def _shifted_and_bent(u: np.ndarray, log: PortLog) -> tuple[np.ndarray, np.ndarray]:
+    """Return the change of inputs by half a sample, and by a third of their second difference."""
+    there, back = after(u, log), before(u, log)
+    return 0.25 * (there - back), (there - 2.0 * u + back) / 3.0
+
+
+def timed(u: np.ndarray, deviations: Mapping[str, float], inputs: Sequence[str], log: PortLog) -> np.ndarray:
+    """Return inputs as a fit has them act within a sample."""
+    changes, out = _shifted_and_bent(u, log), u.copy()
+    for name, change in zip(TIMINGS, changes, strict=False):
+        out += np.array([[deviations.get(f"{name} of {of}", 0.0)] for of in inputs]) * change
+    return out
 
 
 def needed(

@@ -34,10 +34,11 @@ def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], 
     `left` are the residuals without what is slow, `readings` draws of the noise of readings, and `inputs` of each
     input's, made alike.
     """
-    size, alone, known = _sizes(left[None], parts), _sizes(readings, parts), _uncertain(parts)
+    size, alone = _sizes(left[None], parts), _sizes(readings, parts)
     best, chosen = _unlikely(size, alone, parts) - LEAST_GAIN, list[int]()
     for some in ([*range(len(inputs))], *([k] for k in range(len(inputs)) if len(inputs) > 1)):
-        both = _sizes(readings + np.sum([inputs[k] for k in some], axis=0), parts)
+        drawn = readings + np.sum([inputs[k] for k in some], axis=0)
+        both, known = _sizes(drawn, parts), _uncertain(drawn, parts)
         less = (both > alone * (1.0 + known)) & (both > size * (1.0 + known))
         more = size > both * (1.0 + known)
         if not np.any(less | more) and (value := _unlikely(size, both, parts)) < best:
@@ -50,9 +51,14 @@ def exceeds(left: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> b
     return bool(np.any(_sizes(left[None], parts) > _sizes(readings, parts)))
 
 
-def _uncertain(parts: Sequence[slice]) -> np.ndarray:
-    """Return by how much the size of noise is uncertain, relative: as a gap may exceed it, and of few windows more."""
-    return np.array([EXCESS + 3.0 / np.sqrt(2.0 * max(p.stop - p.start, 1)) for p in parts])
+def _uncertain(drawn: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
+    """Return by how much the size of noise is uncertain, relative: as a gap may exceed it.
+
+    It is more so with few windows, and with noise that lasts, as where a simulator integrates it: draws then differ.
+    """
+    each = np.array([_sizes(one[None], parts) for one in drawn])
+    spread = np.std(each, axis=0) / np.maximum(np.mean(each, axis=0), 1e-300)
+    return EXCESS + 3.0 * np.maximum(spread, [1.0 / np.sqrt(2.0 * max(p.stop - p.start, 1)) for p in parts])
 
 
 def _sizes(z: np.ndarray, parts: Sequence[slice]) -> np.ndarray:

@@ -277,6 +277,23 @@ class PredictedEvidence(StretchEvidence):
             return self._shown(states, outputs, self.shown), self._shown(states, outputs, self.shown)
         return self._responded(x0, base, drive, lambda response: response.to(drive))
 
+    def _held_and_in_lines(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Return the channels under held inputs, and under the same in lines: a run each, since they may be far apart.
+
+        Over a run a simulator that integrates its inputs adds up the difference.
+        """
+        if self.simulator.form != "ode":
+            return self._near(x0, base, Drive(base.u, base.p, base.acting, True))
+        held, lines, along = self._simulate(x0, base.u, base.p, base.acting), self.lines, dict(self._along)
+        self.lines = True
+        try:
+            straight = self._simulate(x0, base.u, base.p, base.acting)
+        finally:
+            self.lines = lines
+            self._along.clear()
+            self._along.update(along)
+        return self._shown(*held, self.shown), self._shown(*straight, self.shown)
+
     def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
         """Return the channels under a drive, exactly and with steps of Euler's method."""
         return self._responded(x0, base, base, lambda response: response.of_steps())

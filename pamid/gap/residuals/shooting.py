@@ -117,10 +117,9 @@ class ShootingEvidence(PredictedEvidence):
             self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
     def _with_lines(self) -> np.ndarray:
-        """Return the change of the residuals by inputs that go straight from row to row, to first order."""
+        """Return the change of the residuals by inputs that go straight from row to row."""
         base = self._drive([], self.simulator.numbers)
-        near = self._near(self._x0, base, Drive(self._u, base.p, [], True))
-        return self._compared([], [], *map(self._fold, near))
+        return self._compared([], [], *map(self._fold, self._held_and_in_lines(self._x0, base)))
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample, after removing what was predicted."""

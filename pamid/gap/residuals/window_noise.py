@@ -5,6 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,12 +14,16 @@ from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
 from ..inference.student_t import RobustFit
 from ..settings import FEWEST
+from .between_rows import timed
 from .coarse import noisy_copies
 from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
 from .tolerances import rms
 from .whitening import Whitening, memory_of, smoothed
+
+if TYPE_CHECKING:
+    from ..inference.gauss_newton import Fit
 
 REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""
@@ -50,6 +55,7 @@ class WindowNoise(ABC):
     z0: np.ndarray
     J: np.ndarray
     free: list[str]
+    about: np.ndarray
     n: int
     _u: np.ndarray
     _own: Active
@@ -120,10 +126,10 @@ class WindowNoise(ABC):
             self.noise[part] = np.sqrt(np.maximum(power, least))
         self.noise = np.hypot(self.noise, self._unresolved)
 
-    def hear_inputs(self, fitted: np.ndarray | None = None) -> bool:
-        """Return whether what a fit leaves, white, shows the noise of inputs, which then counts.
+    def hear_inputs(self, fitted: RobustFit | Fit | None = None) -> bool:
+        """Return whether what a fit leaves shows the noise of inputs, which then counts.
 
-        By default it is a fit without any cause.
+        By default it is a fit without any cause. What it does with an input within a sample it does with its noise.
         """
         if self._heard or self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
@@ -140,7 +146,8 @@ class WindowNoise(ABC):
         def judged(r: np.ndarray) -> np.ndarray:
             return quick(self._whitening.white(r / self.noise))
 
-        left = quick(self._without_causes().z if fitted is None else fitted)
+        fitted = fitted or self._without_causes()
+        left = quick(fitted.z)
         readings = np.array([judged(one) for one in self._drawn])
         if not exceeds(left, readings, self.parts):
             return False
@@ -150,7 +157,11 @@ class WindowNoise(ABC):
             [e[:, None] * rng.standard_normal(self._u.shape) for _ in range(different)]
             for e in np.diag(sigma)[sigma > 0.0]
         ]
-        draws = [[self._under_inputs(self._u + e) for e in each] for each in noise]
+        within = dict(zip(self.free, fitted.x + self.about, strict=True))
+        draws = [
+            [self._under_inputs(self._u + timed(e, within, self.simulator.inputs, self.log)) for e in each]
+            for each in noise
+        ]
         alike = [np.array([judged(one) for one in each]) for each in draws]
         which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
         if not which:
