@@ -59,7 +59,7 @@ def test_readings_at_one_end_of_a_range_are_left_out_where_runs_take_too_long(wa
     evidence = evidence_of(log, slow)
     gap = evidence.log.gaps["x"]
     assert np.array_equal(gap, log["x"] == way * (way * log["x"]).max())
-    assert "x stands at" in evidence.notes[0] and "These readings are left out" in evidence.notes[0]
+    assert "x stays at" in evidence.notes[0] and "These readings are left out" in evidence.notes[0]
 
 
 @pytest.mark.parametrize("way", [1, -1])

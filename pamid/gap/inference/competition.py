@@ -148,7 +148,7 @@ class Competition(FirstOrder):
                 behind = -np.inf
                 # One size fits badly where each day has its own.
                 if alone and best is not self.base and not self._apart:
-                    behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0)
+                    behind = self._far_behind(best)
                 trial = self._refitted(about, subset, self.base, behind=behind)
                 tried.append(names)
                 best = max(best, self._purged(trial), *self._parted(trial, best), key=self._ranked)
@@ -170,7 +170,7 @@ class Competition(FirstOrder):
         (name, values), *more = h.fit.spec.items() or [("", {})]
         if more or not self.evidence.bends or self.enough(h):
             return []
-        behind = best.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(best.score - self.base.score, 0.0)
+        behind = self._far_behind(best)
         pairs = [pair for pair in self._apart.get(name, ()) if set(pair) <= set(self.usable)]
         return [self._refined({part: dict(values) for part in pair}, h, behind) for pair in pairs]
 
@@ -350,10 +350,13 @@ class Competition(FirstOrder):
                 found.append(self._done[frozenset({*keep, name})])
                 continue
             self.say(f"refit with {in_words(name)}")
-            # Sets that promise far less once linearised at their start are dropped.
-            behind = at.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * max(gain, 0.0) if self.evidence.bends else -np.inf
-            found.append(self._refitted(about, about.fit((place[name],)), at, keep, behind))
+            found.append(self._refitted(about, about.fit((place[name],)), at, keep, self._far_behind(at)))
         return found
+
+    def _far_behind(self, at: Hypothesis) -> float:
+        """Return the log-likelihood below which sets are dropped, once linearised at their start, beside another."""
+        gain = max(at.score - self.base.score, 0.0)
+        return at.fit.loglik - 2.0 * CLOSE - CLOSE_SHARE * gain if self.evidence.bends else -np.inf
 
     def _purged(self, h: Hypothesis) -> Hypothesis:
         """Remove redundant effects, the larger or the smaller, until all others are distinct."""
@@ -407,7 +410,7 @@ class Competition(FirstOrder):
         """Remove effects whose evidence beside the others is below some log odds."""
         while len(best.fit.spec) > 1:
             rests = [{k: v for k, v in best.fit.spec.items() if k != name} for name in best.fit.spec]
-            chosen = max((self._refined(rest, best) for rest in rests), key=self._ranked)
+            chosen = max((self._refined(rest, best, self._far_behind(best)) for rest in rests), key=self._ranked)
             (own, least), (also, score) = self._ranked(best), self._ranked(chosen)
             if (also, score + odds) <= (own, least):
                 break

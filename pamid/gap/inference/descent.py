@@ -81,7 +81,7 @@ def descend(
     best = there(x)
     damping = Damping(DAMPED, shrink=0.1, grow=10.0, least=1e-4, most=1e2)
     A, anew = np.zeros(0), True
-    for _ in range(rounds):
+    for left in reversed(range(rounds)):
         A = slopes(best.x) if anew else A
         here, room, ahead = best, bounds(best.x), best.z
         lower, upper = np.maximum(room.lower - here.x, -room.back), np.minimum(room.upper - here.x, room.on)
@@ -115,7 +115,7 @@ def descend(
             continue
         best = found[0]
         gain = best.loglik - here.loglik
-        if gain < enough:
+        if gain < enough or best.loglik + left * gain <= behind:  # as much again in each step left is not enough
             break
         # A step that gained much updates the slopes itself (Broyden); the next but one is relinearised.
         anew = not anew or gain < BROYDEN * enough
