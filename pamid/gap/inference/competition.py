@@ -329,7 +329,7 @@ class Competition(FirstOrder):
         known: frozenset[str] = frozenset(),
     ) -> list[Hypothesis]:
         """Refit the most promising sets of `_neighbours`, given some subsets."""
-        keep, gain = [name for name in at.fit.spec if name not in out], at.score - self.base.score
+        keep = [name for name in at.fit.spec if name not in out]
         nothing = about.fit(())
         gains = about.gains(nothing)
         place: dict[str, int] = {}
