@@ -8,6 +8,7 @@ import pamid
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
+from pamid.simulators.port_log import port_log
 
 TANKS = EquationSimulator(
     {"dh1/dt": "k*pump - a*sqrt(max(h1, 0))", "dh2/dt": "a*sqrt(max(h1, 0)) - b*sqrt(max(h2, 0))"},
@@ -52,3 +53,12 @@ def test_a_gain_undone_in_a_reading_scales_its_noise_but_a_bias_does_not():
     assert evidence.scales_noise({"sensor_gain@h1": {"deviation": 0.05}})
     assert not evidence.scales_noise({"sensor_bias@h1": {"offset": 0.05}})
     assert not evidence.scales_noise({"actuator_gain@pump": {"deviation": 0.05}})
+
+
+def test_predictions_with_inputs_otherwise_can_be_turned_back():
+    log = port_log(tanks_log(9.0, 0), TANKS)
+    held = ShootingEvidence(log, TANKS)
+    lines = ShootingEvidence(log, TANKS, lines=True, like=held)
+    again = ShootingEvidence(log, TANKS, like=lines)
+    assert again.stretches == held.stretches
+    assert np.allclose(again.z0, held.z0, atol=0.05)

@@ -138,7 +138,8 @@ class StretchEvidence(PortEvidence):
         """Take the stretches of another evidence of the log, whose inputs differ only within samples."""
         self.folds, self.curved, self.how, self.stretches = other.folds, other.curved, other.how, other.stretches
         self.simulator, self.about = other.simulator, other.about[: len(self.about)]
-        self._x0 = self._unless_apart(*self._fitted_from(other.laid))
+        self.laid = other.laid
+        self._x0 = self._unless_apart(*self._fitted_from(self.laid))
 
     def _cut(self, length: int) -> list[Segment]:
         found = []
