@@ -12,6 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ..simulators.base import Simulator
 from .design.experiment import next_for_equation
+from .diagnosis.decide import Verdict
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
 from .inference.floor import Learned
@@ -34,10 +35,11 @@ if TYPE_CHECKING:
     from .several.stacked import StackedEvidence
 
 DROWNED = "Readings were predicted: undoing a fault of one in the equations would drown the rest in its noise."
+BURIED = "Readings were predicted: in each of the equations the gap is smaller than the noise."
 
 
-class DrownedError(Exception):
-    """Undoing a fault of a reading amplifies its noise beyond what the equations can judge."""
+class UnjudgedError(Exception):
+    """The equations cannot judge what predictions can: the message says why."""
 
 
 def diagnose_at_ports(
@@ -101,10 +103,14 @@ def diagnose_evidence(
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, log.n))
 
-        def heed(outcome: Outcome) -> None:
-            predictable = simulator.form == "ode" and not simulator.one_by_one
-            if predictable and isinstance(searched, DirectEvidence) and any(map(searched.drowns, in_question(outcome))):
-                raise DrownedError
+        def heed(outcome: Outcome, verdict: Verdict) -> None:
+            if not isinstance(searched, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
+                return
+            if any(map(searched.drowns, in_question(outcome))):
+                raise UnjudgedError(DROWNED)
+            promising = outcome.best.score - outcome.base.score > searched.least_gain
+            if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
+                raise UnjudgedError(BURIED)
 
         try:
             found = explain(
@@ -121,10 +127,10 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
-        except DrownedError:
-            say("once more by predictions, since undoing a fault of a reading amplifies its noise")
+        except UnjudgedError as why:
+            say("once more by predictions, in which noise hides less than in the equations")
             predicted = ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines)
-            predicted.notes.append(DROWNED)
+            predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
     return twice(lambda _: told(found, evidence)), known.learned
 

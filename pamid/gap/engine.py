@@ -10,7 +10,7 @@ from ..bench.parameters import BenchParameters
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
 from .diagnosis.answer import answer, untested
-from .diagnosis.decide import decide
+from .diagnosis.decide import Verdict, decide
 from .diagnosis.result import Diagnosis
 from .inference.competition import Competition
 from .inference.hypotheses import Outcome, Screen
@@ -78,14 +78,15 @@ def explain(
     interrupted: bool = False,
     run: Run | None = None,
     change: Callable[[int], float] | None = None,
-    heed: Callable[[Outcome], None] = lambda _: None,
+    heed: Callable[[Outcome, Verdict], None] = lambda *_: None,
     begin: Spec | None = None,
 ) -> Diagnosis:
     """Decide on evidence and assemble the diagnosis.
 
     Causes are searched on `searched` if given; `run` rules out sets of effects by simulation. With the log odds of a
     `change` at one of so many borders, parts that disagree about an effect raise `RunsDifferError`. `heed` is told the
-    outcome, and may raise where this evidence cannot judge it. The search may `begin` with a set that explains much.
+    outcome and the verdict, and may raise where this evidence cannot judge them. The search may `begin` with a set
+    that explains much.
     """
     if not evidence.equations:
         return untested(evidence, library, notes)
@@ -113,7 +114,7 @@ def explain(
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
         if run is not None:
             outcome = unless_stopped(lambda: by_running(competition, outcome, run), so_far)
-        unless_stopped(lambda: heed(outcome), lambda: None)
         # Whoever waits no longer in these last steps still wants what was found: they are done once more, in short.
         verdict = twice(lambda _: decide(competition, outcome, random_state))
+        unless_stopped(lambda: heed(outcome, verdict), lambda: None)
         return twice(lambda short: answer(evidence, competition, verdict, notes, random_state, say, short))

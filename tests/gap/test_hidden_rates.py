@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 import pamid
+from pamid.gap.at_ports import BURIED
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
@@ -62,3 +63,10 @@ def test_predictions_with_inputs_otherwise_can_be_turned_back():
     again = ShootingEvidence(log, TANKS, like=lines)
     assert again.stretches == held.stretches
     assert np.allclose(again.z0, held.z0, atol=0.05)
+
+
+def test_a_gap_smaller_than_the_noise_of_the_equations_is_judged_by_predictions(monkeypatch):
+    monkeypatch.setattr("pamid.gap.residuals.choice.rates_are_hidden", lambda found: False)
+    found = pamid.diagnose(tanks_log(7.2, 3, noise=5e-4), TANKS)
+    assert BURIED in found.notes
+    assert [(cause.effects, cause.where) for cause in found.causes] == [(("actuator_saturation",), ("pump",))]
