@@ -1,12 +1,12 @@
 r"""What a cause changes that the causes beside it take back: then they stand together for something else.
 
-A constant voltage that is missing in one equation may be told as an offset of a reading, if a second offset cancels what
-the first one does to another equation. Such a pair explains a log as well as a cause of a single equation, and no part of
-it is established. Of what a cause changes in an equation, d, the others, o, take back
+A constant voltage that is missing in one equation may be told as an offset of a reading, if a second offset cancels
+what the first one does to another equation. Such a pair explains a log as well as a cause of a single equation, and no
+part of it is established. Of what a cause changes in an equation, d, the others, o, take back
 
 .. math:: 1 - \lVert d + o \rVert^2 / \lVert d \rVert^2
 
-which is one where they cancel it, and half or less where they are less than a third of it or opposed to it by much more.
+which is one where they cancel it, and half or less where they are less than a third of it, or much more.
 """
 
 from __future__ import annotations

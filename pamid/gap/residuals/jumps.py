@@ -2,8 +2,8 @@ r"""Inputs that jump between two rows of a log: no row says at which instant, an
 
 Of a change between two rows, the part beyond the changes before and after it is such a jump, :math:`J`. Half a sample
 early, it is worth :math:`J / 4` at either row; at an instant that may be anywhere between them it is uncertain by
-:math:`1 / \sqrt 3` of that. Fronts that travel, as in a pipe, carry this to all windows that they reach, and nowhere else:
-there it is noise, and no cause.
+:math:`1 / \sqrt 3` of that. Fronts that travel, as in a pipe, carry this to all windows that they reach, and nowhere
+else: there it is noise, and no cause.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ...simulators.port_log import PortLog
-from .window_noise import REPLICATES
 
 NOTE = "Inputs jump between rows, at instants that the log does not tell: what these change counts as noise."
 
@@ -29,10 +28,10 @@ def jumps(u: np.ndarray, log: PortLog) -> np.ndarray:
     return out
 
 
-def unknown_instants(jump: np.ndarray, windows: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-    """Return the root mean square at each window of what other instants of the jumps change, given changed inputs."""
+def unknown_instants(jump: np.ndarray, windows: Callable[[np.ndarray], np.ndarray], draws: int) -> np.ndarray:
+    """Return the root mean square at each window of what other instants of jumps change, over draws of their signs."""
     rng = np.random.RandomState(3)
     early = jump / (4.0 * np.sqrt(3.0))
-    signs = (rng.randint(0, 2, size=jump.shape) * 2.0 - 1.0 for _ in range(REPLICATES))
+    signs = (rng.randint(0, 2, size=jump.shape) * 2.0 - 1.0 for _ in range(draws))
     drawn = [windows(s * early + np.roll(s * early, 1, axis=1)) for s in signs]
     return np.asarray(np.sqrt(np.mean(np.square(drawn), axis=0)))

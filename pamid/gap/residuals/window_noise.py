@@ -16,6 +16,7 @@ from ..inference.student_t import RobustFit
 from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
+from .jumps import NOTE, jumps, unknown_instants
 from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
@@ -183,22 +184,21 @@ class WindowNoise(ABC):
 
         Only a simulator of whole runs says nothing of what it makes of inputs between rows.
         """
-        from .jumps import NOTE, jumps, unknown_instants
-
         before = self._without_causes()
         if self.simulator.form != "run" or not np.any(before.scales > 1.0 + EXCESS):
             return
-        jump, kept = jumps(self._u, self.log), (self.noise, self._unresolved)
+        jump, noise = jumps(self._u, self.log), self.noise
         if not np.any(jump):
             return
-        shown = unknown_instants(jump, lambda change: self._under_inputs(self._u + change))
+        shown = unknown_instants(jump, lambda change: self._under_inputs(self._u + change), REPLICATES)
         for unresolved in (np.hypot(self._unresolved, shown), self._unresolved):
             self._unresolved, self.noise = unresolved, np.empty(len(self.value))
             self._level()
             self._correlate()
             self._lay_again()
-            less = sum(w * np.sum(np.log(self.noise / kept[0])[p]) for w, p in zip(self.weights, self.parts, strict=True))
-            if self._without_causes().loglik - less > before.loglik + LEAST_GAIN:
+            more = np.log(self.noise / noise)
+            louder = sum(w * np.sum(more[p]) for w, p in zip(self.weights, self.parts, strict=True))
+            if self._without_causes().loglik - louder > before.loglik + LEAST_GAIN:
                 self.notes.append(NOTE)
                 break
 
