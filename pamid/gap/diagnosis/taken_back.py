@@ -25,7 +25,7 @@ def taken_back(competition: Competition, best: Hypothesis) -> dict[str, float]:
     for part, scale, weight in zip(evidence.parts, best.fit.scales, evidence.weights, strict=True):
         # Beyond what tolerances could do there: over all equations together they would bring in those of others.
         own = {name: _beyond(d[part], J[part]) for name, d in changes.items()}
-        left = sum(own.values())
+        left = np.sum(list(own.values()), axis=0)
         for name, d in own.items():
             if 0.5 * weight * (power := float(d @ d)) > LEAST_GAIN * scale**2:  # otherwise its absence would not show
                 found[name] = max(found[name], 1.0 - float(left @ left) / power)
