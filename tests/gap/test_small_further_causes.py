@@ -16,6 +16,7 @@ def test_what_explains_a_few_per_cent_beside_another_cause_is_no_sure_name(monke
     signs = {name: {**dict.fromkeys(BESIDE, 0.0), "left_where_it_acts": 0.0, "faint": -0.25 * np.log(part)}
              for name, part in (("first", 1.0 - share), ("second", share))}  # fmt: skip
     monkeypatch.setattr(open_set, "signs_of", lambda *a: signs)
+    monkeypatch.setattr(open_set, "taken_back", lambda *a: {})
     outcome = SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(spec=dict.fromkeys(signs))))
     found = open_set.trust(SimpleNamespace(evidence=SimpleNamespace(exact=exact)), outcome, {}, {})
     assert found["first"].grade == "sure"

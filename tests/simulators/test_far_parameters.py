@@ -1,10 +1,13 @@
 """Numbers of a simulator that are wrong by orders of magnitude: a servo that is fifty times too stiff."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.inference.sensitivity import _far
 from pamid.gap.residuals.response import Drive
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.simulators import FunctionSimulator, Port
@@ -83,3 +86,23 @@ def test_responses_that_nearly_cancel_are_no_substitute_for_a_run():
     answered(step + 0.1 * wave)
     exact = evidence._ran(none, u + wave, p)
     assert np.max(np.abs(np.concatenate(answered(wave), axis=1) - np.concatenate(exact, axis=1))) < 2e-3
+
+
+@pytest.mark.parametrize(
+    ("left", "most"), [(lambda f: 1.0 + 30.0 / f, 9), (lambda f: 1.0 + 30.0 / (1.0 + f / 1e4), 13)]
+)
+def test_no_larger_factor_is_tried_where_the_likelihood_levels_off(left, most):
+    asked, noise = [], np.random.default_rng(0).standard_normal(400)
+
+    def tangent(spec, x):
+        asked.append(1.0 + spec["parameter_deviation@speed"]["deviation"])
+        return left(asked[-1]) * noise
+
+    evidence = SimpleNamespace(
+        free=[], J=np.zeros((400, 0)), z0=left(1.0) * noise, parts=[slice(0, 400)], weights=np.ones(1), tangent=tangent,
+        effects={"parameter_deviation@speed": ParameterDeviation},
+    )  # fmt: skip
+    (deviation,) = ParameterDeviation.parameters
+    (found,) = _far(evidence, "parameter_deviation@speed", deviation, -0.1 * noise)
+    assert len(asked) <= most  # of thirteen that a deviation may have
+    assert left(1.0 + found.fixed["deviation"]) < 2.0

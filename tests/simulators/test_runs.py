@@ -112,3 +112,16 @@ def test_repeated_runs_of_a_simulator_without_states_say_how_large_the_noise_is(
     ]
     evidence = ShootingEvidence(port_log(pd.concat(runs), simulator), simulator)
     assert evidence.noise.mean() == pytest.approx(0.02 / np.sqrt(evidence.n), rel=0.5)
+
+
+def test_whole_runs_without_states_are_fitted_where_they_do_not_follow_the_log():
+    def scaled(u, p, x0):
+        return [p.gain * u["a"]]
+
+    simulator = FunctionSimulator(
+        scaled, [Port("a", "input", "V"), Port("y", "output", "m")], {"gain": (2.0, 0.05)}, form="run"
+    )
+    a = np.sin(np.arange(300) / 9.0)
+    y = 3.0 * a + 1e-3 * np.random.default_rng(0).standard_normal(300)
+    log = port_log(pd.DataFrame({"trajectory": "run", "time": 0.02 * np.arange(300), "a": a, "y": y}), simulator)
+    assert max(ShootingEvidence(log, simulator, refit=True)._without_causes().scales) > 10.0  # the gap is there

@@ -19,7 +19,7 @@ whole gap, where these equations show none beyond the noise. With this share c t
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
 
 and always with reserve where they explain less than a twentieth of the gap in their equation, or where the causes
-beside them undo most of what they change.
+beside them undo most of what they change, or most of it in some equation.
 
 References
 ----------
@@ -35,6 +35,7 @@ from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
 from ..settings import OF_ITS_OWN
 from .signs import signs_of
+from .taken_back import taken_back
 from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
 
@@ -82,7 +83,10 @@ def trust(
     from scipy.special import expit
 
     found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE
+    back = {} if competition.evidence.exact else taken_back(competition, outcome.best)
     for name, signs in signs_of(competition, outcome, part_of, classes).items():
+        if name in back:
+            signs = {**signs, "undone": max(signs["undone"], back[name] ** 0.5)}
         score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
         probability = float(expit(score))
         if not competition.evidence.exact:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
+from ..settings import LEAST_GAIN
 from .student_t import loglik
 
 _REACH = 12.0
@@ -185,7 +186,10 @@ def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Tem
 
 
 def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> list[Template]:
-    """Return the likeliest template of a factor of e or more, beyond slopes, by simulation at its powers."""
+    """Return the likeliest template of a factor of e or more, beyond slopes, by simulation at its powers.
+
+    Where the likelihood levels off no larger factor is tried: a simulator may take as many times longer.
+    """
     none = np.zeros(len(evidence.free))
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
     own = D - Q @ (Q.T @ D)
@@ -196,15 +200,15 @@ def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> li
     def likelihood(z: np.ndarray) -> float:
         return loglik(z - Q @ (Q.T @ z), evidence.parts, evidence.weights)[0]
 
-    best, found = likelihood(evidence.z0), []
+    best, rise, found = likelihood(evidence.z0), 0.0, []
     for power in itertools.count(1):
         value = math.expm1(math.copysign(power, wanted))
         if not p.lower < value < p.upper:
             break
         z = evidence.tangent({name: {p.name: value}}, none)
-        if not np.all(np.isfinite(z)) or not (now := likelihood(z)) > best:
+        if not np.all(np.isfinite(z)) or not (now := likelihood(z)) > best + min(rise, LEAST_GAIN):
             break
-        best, found = now, [Template(name, {p.name: value}, (), (z - evidence.z0)[:, None],
+        best, rise, found = now, now - best, [Template(name, {p.name: value}, (), (z - evidence.z0)[:, None],
                                      np.zeros(1), np.full(1, 2.0), kind=evidence.effects[name])]  # fmt: skip
     return found
 

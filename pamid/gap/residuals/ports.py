@@ -130,6 +130,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
+        self.time_jumps()
         self.hear_inputs()
         if STEPS in self.skews and not self._stepped_alone():
             self._set_aside(STEPS)

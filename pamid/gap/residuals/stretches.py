@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -373,7 +374,7 @@ class StretchEvidence(PortEvidence):
         """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""
         columns = []
         for slope, e in zip(slopes, error, strict=True):
-            A = slope.reshape(len(slope), -1)
+            A = slope.reshape(len(slope), math.prod(slope.shape[1:]))
             size = np.sqrt(np.sum(np.square(A), axis=1))
             size = np.where(size > 0.0, size, 1.0)
             if not np.all(np.isfinite(A)):  # the simulator goes where it has no values: told elsewhere
@@ -392,7 +393,7 @@ def forgotten(slopes: np.ndarray) -> bool:
 
 def beside(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """Return rows with the initial states projected out."""
-    O = slopes.reshape(len(slopes), -1)  # noqa: E741 - as in the module's formula
+    O = slopes.reshape(len(slopes), math.prod(slopes.shape[1:]))  # noqa: E741 - as in the module's formula
     size = np.sqrt(np.sum(np.square(O), axis=1))
     Q = np.linalg.qr((O[size > 0.0] / size[size > 0.0, None]).T)[0]
     return rows - (rows @ Q) @ Q.T

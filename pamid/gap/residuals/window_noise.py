@@ -13,9 +13,10 @@ from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
 from ..inference.student_t import RobustFit
-from ..settings import FEWEST
+from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
+from .jumps import NOTE, jumps, unknown_instants
 from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
@@ -177,6 +178,29 @@ class WindowNoise(ABC):
         self._correlate()
         self._lay_again()
         return True
+
+    def time_jumps(self) -> None:
+        """Count as noise that jumps of inputs come at unknown instants between two rows, where residuals show it.
+
+        Only a simulator of whole runs says nothing of what it makes of inputs between rows.
+        """
+        before = self._without_causes()
+        if self.simulator.form != "run" or not np.any(before.scales > 1.0 + EXCESS):
+            return
+        jump, noise = jumps(self._u, self.log), self.noise
+        if not np.any(jump):
+            return
+        shown = unknown_instants(jump, lambda change: self._under_inputs(self._u + change), REPLICATES)
+        for unresolved in (np.hypot(self._unresolved, shown), self._unresolved):
+            self._unresolved, self.noise = unresolved, np.empty(len(self.value))
+            self._level()
+            self._correlate()
+            self._lay_again()
+            more = np.log(self.noise / noise)
+            louder = sum(w * np.sum(more[p]) for w, p in zip(self.weights, self.parts, strict=True))
+            if self._without_causes().loglik - louder > before.loglik + LEAST_GAIN:
+                self.notes.append(NOTE)
+                break
 
     def _lay_again(self) -> None:
         """Compute white residuals and slopes with noise that has changed."""

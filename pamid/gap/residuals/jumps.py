@@ -1,0 +1,37 @@
+r"""Inputs that jump between two rows of a log: no row says at which instant, and a simulator of runs chooses one.
+
+Of a change between two rows, the part beyond the changes before and after it is such a jump, :math:`J`. Half a sample
+early, it is worth :math:`J / 4` at either row; at an instant that may be anywhere between them it is uncertain by
+:math:`1 / \sqrt 3` of that. Fronts that travel, as in a pipe, carry this to all windows that they reach, and nowhere
+else: there it is noise, and no cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ...simulators.port_log import PortLog
+
+NOTE = "Inputs jump between rows, at instants that the log does not tell: what these change counts as noise."
+
+
+def jumps(u: np.ndarray, log: PortLog) -> np.ndarray:
+    """Return the jump of each input from each row to the next, shape (n_inputs, n_rows); the last of a run is zero."""
+    out = np.zeros_like(u)
+    for a, b in log.spans:
+        steps = np.diff(u[:, a:b], axis=1)
+        if steps.shape[1] > 2:
+            around = np.stack([steps[:, :-2], steps[:, 1:-1], steps[:, 2:]])
+            out[:, a + 1 : b - 2] = steps[:, 1:-1] - np.median(around, axis=0)
+    return out
+
+
+def unknown_instants(jump: np.ndarray, windows: Callable[[np.ndarray], np.ndarray], draws: int) -> np.ndarray:
+    """Return the root mean square at each window of what other instants of jumps change, over draws of their signs."""
+    rng = np.random.RandomState(3)
+    early = jump / (4.0 * np.sqrt(3.0))
+    signs = (rng.randint(0, 2, size=jump.shape) * 2.0 - 1.0 for _ in range(draws))
+    drawn = [windows(s * early + np.roll(s * early, 1, axis=1)) for s in signs]
+    return np.asarray(np.sqrt(np.mean(np.square(drawn), axis=0)))
