@@ -112,7 +112,7 @@ class StretchEvidence(PortEvidence):
             if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
                 missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
-            if best is None or (follows if rising else missed < 0.7 * best[0]):
+            if best is None or follows or (not rising and missed < 0.7 * best[0]):
                 best = missed, self.stretches, x0
             if self.simulator.form == "run" or self.whole or (follows if length == longest else rising and not follows):
                 break
