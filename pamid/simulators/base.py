@@ -406,6 +406,13 @@ class Simulator(AnySimulator):
         """
         return None
 
+    def closed(self, x: np.ndarray, known: Collection[str], along: bool = False) -> np.ndarray:
+        """Return states, shape (n_states, n), those that are not known where they leave no loop of the model open.
+
+        The nearest such ones; `along` a path, nearest to the one before.
+        """
+        return x
+
     def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the outputs, shape (n_outputs, n)."""
         raise NotImplementedError

@@ -19,6 +19,7 @@ from .mujoco_body import PAYLOAD, PLACE, Body, hands
 from .mujoco_commands import gains_last, taken_delays
 from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
+from .mujoco_loops import Loops
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import write_full_inertia
 from .mujoco_written import CALLBACKS, FED_BACK, NUMBERS, written
@@ -329,6 +330,13 @@ class MujocoSimulator(Simulator):
         acceleration = self._d.qacc
         out[1::2] = self._each(x, u, p, self._m.nv, lambda: acceleration) if pieces is None else pieces(u)
         return out
+
+    def closed(self, x: np.ndarray, known: Collection[str], along: bool = False) -> np.ndarray:
+        """Return states, those that are not known where they satisfy the equality constraints of the model."""
+        if not self._m.neq or set(self.states) <= set(known) or not np.isfinite(x).all():
+            return x
+        with running(self.path):
+            return Loops(self._m, self._d).closed(x, [s in known for s in self.states], along)
 
     def output(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
         """Return the readings of the scalar sensors, shape (n_outputs, n)."""

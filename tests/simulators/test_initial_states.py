@@ -147,3 +147,16 @@ def test_a_run_that_is_begun_wrongly_is_fitted_over_growing_parts() -> None:
     assert np.sqrt(np.mean(np.square(error[-1]))) > 4.0
     again = found._error(found._unless_apart(nearby, error))
     assert max(np.sqrt(np.mean(np.square(e))) for e in again) < 1.5
+
+
+def test_stretches_that_are_followed_are_taken_even_where_they_are_little_better(monkeypatch):
+    simulator = spring(400.0, 2.0)
+    log = port_log(spring_log(400.0, 2.0, 20, False, 160), simulator)
+    missed = {160: 0.69, 80: 0.67, 40: 0.499}
+
+    def misses(evidence, error):
+        return missed.get(max(s.stop - s.first for s in evidence.stretches), 0.4)
+
+    monkeypatch.setattr(ShootingEvidence, "_missed", misses)
+    lengths = {s.stop - s.first for s in ShootingEvidence(log, simulator).stretches}
+    assert lengths == {40}

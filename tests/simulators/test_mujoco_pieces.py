@@ -10,7 +10,7 @@ import pytest
 mujoco = pytest.importorskip("mujoco")
 
 from pamid.simulators.mujoco_model import MujocoSimulator  # noqa: E402
-from pamid.simulators.mujoco_pieces import KeptPieces  # noqa: E402
+from pamid.simulators.mujoco_pieces import WORTH, KeptPieces  # noqa: E402
 
 ARM = """
 <mujoco><compiler angle="radian"/>{option}<worldbody>{ground}
@@ -44,7 +44,7 @@ def _rates_asked(
 ) -> tuple[np.ndarray, np.ndarray, int]:
     """Return the rates under other inputs of a known motion, those of the model itself, and rows it was asked."""
     t, x, u, p = _motion(simulator)
-    for _ in range(3):
+    for _ in range(WORTH):
         simulator.rate(t, x, u, p)
     other = u + share * np.cos(7.0 * t + np.arange(len(u))[:, None])
     asked, put = [], mujoco.mj_setState
@@ -72,7 +72,7 @@ def test_other_inputs_bring_the_accelerations_of_the_model(
 def test_changed_numbers_are_another_motion(tmp_path: Path) -> None:
     simulator = _arm(tmp_path)
     t, x, u, p = _motion(simulator)
-    for _ in range(4):
+    for _ in range(WORTH):
         simulator.rate(t, x, u, p)
     heavier = p.copy()
     heavier[0] += 0.05
@@ -87,7 +87,7 @@ def test_a_row_that_is_not_finite_stays_so_and_no_other(tmp_path: Path) -> None:
     simulator = _arm(tmp_path)
     t, x, u, p = _motion(simulator)
     x[0, 7], u[0, 9] = np.nan, np.inf
-    for _ in range(4):
+    for _ in range(WORTH):
         found = simulator.rate(t, x, u, p)
     lost = np.isnan(found[1])
     assert lost[[7, 9]].all() and lost.sum() == 2
@@ -101,6 +101,15 @@ def test_actuators_of_other_kinds_are_asked_for_row_by_row(tmp_path: Path, monke
     assert np.allclose(found, true) and asked == ROWS
 
 
+def test_pieces_are_made_once_a_motion_was_asked_for_as_often_as_they_cost(tmp_path: Path) -> None:
+    simulator = _arm(tmp_path)
+    kept, motion = KeptPieces(simulator._m, simulator._d, simulator._each), _motion(simulator)[1:]
+    assert [kept.find(*motion) is not None for _ in range(WORTH + 1)] == [False] * (WORTH - 1) + [True] * 2
+    x, u, p = motion
+    for more in 1.01 + 0.01 * np.arange(8):  # as sensitivities to numbers ask: a few times each
+        assert all(kept.find(x, u, more * p) is None for _ in range(WORTH - 1))
+
+
 def test_a_model_without_actuators_is_asked_as_often_as_any(tmp_path: Path) -> None:
     link = '<body><joint name="q" axis="0 1 0" damping="0.1"/><geom size="0.1" pos="0 0 -0.3" mass="1"/></body>'
     (tmp_path / "free.xml").write_text(f"<mujoco><worldbody>{link}</worldbody></mujoco>")
@@ -108,5 +117,5 @@ def test_a_model_without_actuators_is_asked_as_often_as_any(tmp_path: Path) -> N
     t = 0.01 * np.arange(ROWS)
     x, u, p = np.array([np.sin(t), np.cos(t)]), np.zeros((1, ROWS)), np.repeat(simulator.numbers[:, None], ROWS, axis=1)
     first = simulator.rate(t, x, u, p)
-    for _ in range(3):
+    for _ in range(WORTH):
         assert np.allclose(simulator.rate(t, x, u, p), first, rtol=1e-9)

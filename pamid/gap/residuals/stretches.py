@@ -73,6 +73,7 @@ class StretchEvidence(PortEvidence):
         self.whole, self.longest, self.like = whole, longest, like
         self.stretches: list[Segment] = []
         self.folds = {}
+        self._along_loops: np.ndarray | None = None
         self._x0 = np.zeros((len(simulator.states), 0))
         self._moved: dict[tuple[str, ...], np.ndarray] = {}
         self._round: dict[str, float] = {}
@@ -112,7 +113,7 @@ class StretchEvidence(PortEvidence):
             if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
                 missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
-            if best is None or (follows if rising else missed < 0.7 * best[0]):
+            if best is None or follows or (not rising and missed < 0.7 * best[0]):
                 best = missed, self.stretches, x0
             if self.simulator.form == "run" or self.whole or (follows if length == longest else rising and not follows):
                 break
@@ -176,7 +177,25 @@ class StretchEvidence(PortEvidence):
                 x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
             elif state in self._moves:
                 x0[k] = [self._speed(self._moves[state], s, x0[k, j]) for j, s in enumerate(self.stretches)]
-        return x0
+        return self._closed(x0)
+
+    def _closed(self, x0: np.ndarray) -> np.ndarray:
+        """Return first guesses that leave no loop of the simulator open: joints that the log lacks follow the others.
+
+        Of several ways to close a loop, it is the one that leads on from the start of the model.
+        """
+        simulator, log = self.simulator, self.log
+        known = {s for s in simulator.states if s in log.channels or s in self._moves}
+        if simulator.closed(x0, known) is x0:
+            return x0
+        if self._along_loops is None:
+            own = zip(simulator.states, self._guess, strict=True)
+            x = np.stack([log.channels.get(s, np.full(log.n, begin)) for s, begin in own])
+            self._along_loops = np.hstack([simulator.closed(x[:, a:b], known, along=True) for a, b in log.spans])
+        hidden = [s not in known for s in simulator.states]
+        firsts = [s.first for s in self.stretches]
+        guess = np.where(np.array(hidden)[:, None], self._along_loops[:, firsts], x0)
+        return simulator.closed(guess, known)
 
     def _speed(self, position: str, s: Segment, otherwise: float) -> float:
         """Return how fast a stretch begins: over the first rows in which it moves by clearly more than the noise."""
