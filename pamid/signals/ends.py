@@ -7,9 +7,10 @@ import numpy as np
 
 from .stretches import stretches_of
 
-_IN_A_ROW, _CHANCE = 4, 1.25e-4
-"""Fewest consecutive rows at the largest size that are not chance, and how unlikely they are where readings that
-repeat elsewhere do so independently."""
+_SELDOM = 0.05
+"""Largest share of equal neighbours elsewhere for which a row of equal readings is significant."""
+_IN_A_ROW = 4
+"""Consecutive rows at the largest size that are not chance: `_SELDOM` cubed is one in eight thousand."""
 
 
 class End(NamedTuple):
@@ -35,20 +36,27 @@ def end_of(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
 
 
 def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]]) -> End | None:
-    """Return the largest end: readings stand there for longer than elsewhere, and than chance allows."""
+    """Return the largest end; at the border of a run, or with coarse steps, a reading must stand longer to count."""
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)
-    equal, pairs, longest = 0, 0, 0
-    for a, b in spans:
-        same = x[a : b - 1] == x[a + 1 : b]
-        equal += int(np.sum(same & ~at[a : b - 1]))
-        pairs += int(np.sum(~(at[a : b - 1] & at[a + 1 : b])))
-        longest = max([longest, *(stop - begin + 1 for begin, stop in stretches_of(same & ~at[a : b - 1]))])
-    share = max(equal, 1) / max(pairs, 1)
-    if not limit > 0.0 or share >= 1.0:
-        return None
-    least = max(1 + int(np.ceil(np.log(_CHANCE) / np.log(share))), _IN_A_ROW, longest + 1)
+    least = max([_IN_A_ROW, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])
+    equal, pairs = 0, 0
     for a, b in spans:
         for begin, stop in stretches_of(at[a:b]):
             rows[a + begin : a + stop] = stop - begin >= least and begin > 0 and a + stop < b
-    return End(limit, rows, float(-np.log(share))) if rows.any() else None
+        both = ~(at[a : b - 1] & at[a + 1 : b])
+        equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
+        pairs += int(np.sum(both))
+    share = max(equal, 1) / max(pairs, 1)
+    if not rows.any() or not limit > 0.0 or share > _SELDOM:
+        return None
+    return End(limit, rows, float(-np.log(share)))
+
+
+def _longest_turn(x: np.ndarray, least: float, most: float) -> int:
+    """Return the most rows that a reading stands at a turn between its extremes."""
+    begins = np.flatnonzero(np.diff(x, prepend=np.nan) != 0.0)
+    rows, level = np.diff(begins, append=len(x)), x[begins]
+    turns = np.diff(np.sign(np.diff(level))) != 0.0
+    inner = turns & (level[1:-1] > least) & (level[1:-1] < most)
+    return int(np.max(rows[1:-1][inner], initial=0))

@@ -115,19 +115,3 @@ def test_a_reading_with_coarse_steps_is_not_at_its_end_where_it_turns() -> None:
     assert len(largest) >= 4
     assert end_of(x, [(0, 4000)]) is None
     assert end_of(np.clip(x, -1.2, 1.2), [(0, 4000)]) is not None
-
-
-def test_a_coarse_noisy_reading_ends_where_it_stands_longer_than_anywhere_else() -> None:
-    rng = np.random.default_rng(0)
-    x = 2.0 * np.sin(np.arange(3000) / 60.0) - 0.5 + 0.02 * rng.standard_normal(3000)
-    x = np.round(x / 0.01) * 0.01  # one neighbour in nine is the same
-    assert end_of(x, [(0, 3000)]) is None
-    end = end_of(np.minimum(x, 1.2), [(0, 3000)])
-    assert end is not None and end.limit == 1.2 and end.side == 1
-
-
-def test_a_reading_that_rests_elsewhere_as_long_as_at_its_largest_has_no_end_there() -> None:
-    rng = np.random.default_rng(0)
-    poses = np.repeat(rng.permutation(np.linspace(-1.0, 0.9, 20)), 40)
-    moves = np.convolve(poses, np.full(20, 1.0 / 20.0), "valid") + 0.0
-    assert end_of(moves, [(0, len(moves))]) is None
