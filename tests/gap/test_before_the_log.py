@@ -107,7 +107,8 @@ def fermenter_log(lag, seed=0):
     return pd.concat(runs, ignore_index=True)
 
 
-def test_a_lag_that_leaves_nothing_but_noise_is_predicted_before_a_delay_that_leaves_a_gap_is_named():
+def test_a_lag_that_leaves_nothing_but_noise_is_predicted_before_a_delay_that_leaves_a_gap_is_named(monkeypatch):
+    monkeypatch.setattr("pamid.gap.residuals.choice.rates_are_hidden", lambda found: False)
     found = pamid.diagnose(fermenter_log(1800.0), FERMENTER, effects=["sensor_lag@S", "sensor_delay@S"])
     [cause] = found.causes
     assert DROWNED in found.notes

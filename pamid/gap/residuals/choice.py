@@ -73,11 +73,12 @@ def motion_is_hidden(found: DirectEvidence) -> bool:
 def rates_are_hidden(found: DirectEvidence) -> bool:
     """Return whether the noise of a rate hides slow errors, which add up in predictions.
 
-    So it is where a log has too few rows for windows as long as that noise asks for. A simulator that is asked instant
-    by instant would take too long to predict.
+    So it is where a log has too few rows for windows as long as that noise asks for. Of accelerations, whose errors grow
+    twice as fast in predictions, `motion_is_hidden` judges. A simulator that is asked instant by instant would take too
+    long to predict.
     """
     simulator, log = found.simulator, found.log
-    if simulator.form != "ode" or simulator.one_by_one or found.n < most_samples(log):
+    if simulator.form != "ode" or simulator.one_by_one or found.derived or found.n < most_samples(log):
         return False
     sizes = [rms(found.modelled[b.row, : log.n]) for b in found.balances]
     return any(np.median(found.noise[p]) > HIDDEN * size > 0.0 for p, size in zip(found.parts, sizes, strict=True))
