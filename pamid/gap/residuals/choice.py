@@ -73,8 +73,8 @@ def motion_is_hidden(found: DirectEvidence) -> bool:
 def rates_are_hidden(found: DirectEvidence) -> bool:
     """Return whether the noise of a rate hides slow errors, which add up in predictions.
 
-    So it is where a log has too few rows for windows as long as that noise asks for. Of accelerations, whose errors grow
-    twice as fast in predictions, `motion_is_hidden` judges. A simulator that is asked instant by instant would take too
+    So it is where a log has too few rows for windows as long as that noise asks for. `motion_is_hidden` judges
+    accelerations, whose errors grow faster in predictions. A simulator that is asked instant by instant would take too
     long to predict.
     """
     simulator, log = found.simulator, found.log
