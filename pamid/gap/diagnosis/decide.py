@@ -78,11 +78,10 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         # Where no hypothesis survives an exact fit, draws of the linear ones add no evidence.
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     # What closes no more than the noise hides is no cause: the noise may be estimated too large.
-    if not np.any((base.left > 1.0 - EXCESS) & (best.left < base.left)):
-        chance = 1.0
-    verdict = Verdict("none", min(1.0, 2.0 * min(chance, beyond)), outcome, over)
+    closes = bool(np.any((base.left > 1.0 - EXCESS) & (best.left < base.left)))
+    verdict = Verdict("none", min(1.0, 2.0 * min(chance if closes else 1.0, beyond)), outcome, over)
     # A residual beyond its noise is a gap by itself: a cause that acts in few rows need not prove it again.
-    a_gap = chance < FALSE_ALARM or (beyond < FALSE_ALARM and chance < 1.0)
+    a_gap = closes and min(chance, beyond) < FALSE_ALARM
     if a_gap and best.fit.spec and gain > evidence.least_gain:
         verdict.part_of = shapley(competition.fitter, base.fit, best.fit)
         for name in best.fit.spec:
