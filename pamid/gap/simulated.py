@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, NamedTuple
@@ -286,13 +287,27 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     deviations = {n: v + begun.get(n, 0.0) for n, v in found.deviations.items()}
     return replace(
         in_units(found, places, physical),
-        notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *notes],
+        notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *at_limits(evidence.given, deviations), *notes],
         windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
         closure=_by_itself(evidence, found) if source is None and found.added else found.closure,
         nominal=evidence.given,
         corrected=corrected,
         deviations=deviations,
     )
+
+
+def at_limits(simulator: Simulator, deviations: Mapping[str, float]) -> list[str]:
+    """Return a sentence for each parameter that a fit moved to the end of its tolerance: more may be wrong with it."""
+    told = []
+    for name, way in deviations.items():
+        if name in simulator.parameters and abs(way) >= 1.0:
+            p, end = simulator.parameters[name], "lower" if (way < 0.0) == (simulator.get(name) > 0.0) else "upper"
+            limit = simulator.get(name) * (1.0 + math.copysign(simulator.tolerance[name], way))
+            told.append(
+                f"{name} is at the {end} end of its tolerance, {limit:.4g} {p.unit}. If it can lie beyond, "
+                "give it a wider tolerance: causes may stand in for the rest."
+            )
+    return told
 
 
 def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:

@@ -89,7 +89,8 @@ def parameter(name: str) -> str:
 
 def placed(name: str, port: str) -> str:
     """Return an effect as words, with the port of a simulator at which it acts, or the two between which it does."""
-    return said_at(effect(name), port)
+    exchanged = name == "heat_loss" and ends_of(port) is not None  # what one loses, the other gains
+    return said_at("heat exchange" if exchanged else effect(name), port)
 
 
 def said_at(name: str, port: str) -> str:

@@ -348,6 +348,9 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
     here, there = known.of(first.state, second.state), known.of(second.state, first.state)
     if here is not None and there is not None:
         weight = here / there
+        if not known.constant(weight) and (level := known.where_equal(first.state, second.state)) is not None:
+            # What flows, such as radiation, may depend on more than the difference; at none it is as reciprocal.
+            weight = level
         if not (np.mean((here > 0.0) & (there > 0.0)) > MOSTLY and known.constant(weight)):
             return None
         one, two, unit = _sized(known, (first, second), float(np.median(weight)))

@@ -103,6 +103,14 @@ class Slopes:
         middle = float(np.median(ratio))
         return bool(np.mean(np.abs(ratio - middle) <= SAME * abs(middle)) > MOSTLY)
 
+    def where_equal(self, first: str, second: str) -> np.ndarray | None:
+        """Return the ratio of two states' mutual slopes where both are equal; None where one of them is zero there."""
+        rows, x = [self.simulator.states.index(s) for s in (first, second)], self.at.x.copy()
+        factors = [factor_of(self.simulator.port(s).unit) for s in (first, second)]
+        x[rows[1]] = x[rows[0]] * factors[0] / factors[1]
+        J = slopes(self.simulator, self.at._replace(x=x), rows)[rows]
+        return J[0, 1] / J[1, 0] if np.all(J[1, 0] * J[0, 1] > 0.0) else None
+
     def mass(self, state: str, by: str) -> tuple[float, str] | None:
         """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of the flow there."""
         plain = self.of(state, by)

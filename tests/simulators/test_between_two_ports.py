@@ -245,6 +245,25 @@ def test_masses_ratio_stiffness_and_capacities_follow_from_the_simulator() -> No
     assert np.allclose(two, 7e8 / (2e-4 + 1.2e-3 * (0.4 - x[0])), rtol=1e-4)
 
 
+@pytest.mark.parametrize("power", [1, 4])
+def test_bodies_that_exchange_heat_are_a_pair_whose_capacities_follow(power: int) -> None:
+    """By conduction or by radiation, whose two slopes differ wherever the temperatures do."""
+    heat = 2e-3 if power == 1 else 3e-11
+
+    def rates(t, x, u, p):
+        flow = heat * ((x.hot + 273.15) ** power - (x.cold + 273.15) ** power)
+        return [(u.power - 2e-3 * (x.hot - 20.0) - flow) / 2.0, (flow - 2e-3 * (x.cold - 20.0)) / 6.0]
+
+    ports = [Port("power", "input", "W"), Port("hot", "state", "degC"), Port("cold", "state", "degC")]
+    t = np.arange(0.0, 300.0, 5.0)
+    log = pd.DataFrame({"time": t, "power": 0.5, "hot": 20.0 + 0.1 * t, "cold": 20.0 + 0.01 * t})
+    evidence = evidence_of(log, FunctionSimulator(rates, ports))
+    [pair] = evidence.links
+    assert (pair.name, pair.domain) == ("hot and cold", "temperature")
+    assert pair.typical[1] / pair.typical[0] == pytest.approx(2.0 / 6.0, rel=1e-6)
+    assert "heat_loss@hot and cold" in evidence.placements
+
+
 def test_a_page_that_says_what_the_ends_yield_is_the_same() -> None:
     said = Between("motor", "load", BELT, ("Jm", "2.4e-2"))
     [own], [link] = (evidence_of(drive_log(driven()), s).links for s in (DRIVE, DRIVE.with_(between=[said])))
