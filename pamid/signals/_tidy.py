@@ -57,6 +57,8 @@ def tidy(
     if used_trajectory is None and mapping.trajectory is not None:
         words += (f"no column {mapping.trajectory!r} names the runs, so this file is read as one run",)
     signals = dict(mapping.signals) or _by_own_names(table, raw, used_trajectory, mapping, path)
+    if mapping.signals and "time" not in signals and mapping.sampling_period is None and table.named:
+        signals |= _clock(raw)  # a mapping that leaves it out takes it as it is
     places = {s: _position(raw, m.column if m.column is not None else s, s, path, own) for s, m in signals.items()}
     if mapping.keep_others and mapping.signals:
         taken = {*places.values(), used_trajectory}
@@ -152,6 +154,8 @@ def _by_own_names(
             continue
         match = None if column in elements else _NAME_WITH_UNIT.match(str(column))
         name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+        if name.lower() == "time" and "time" not in map(str, raw.columns):
+            name = "time"
         text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
         if text and dimension_of(name) is None and not pd.api.types.is_datetime64_any_dtype(raw.iloc[:, position]):
             continue
@@ -163,6 +167,16 @@ def _by_own_names(
     if not signals:
         raise MissingColumnError(f"{path.name} has no numeric column.", "signals", "Check the export.")
     return signals
+
+
+def _clock(raw: pd.DataFrame) -> dict[str, SignalMapping]:
+    """Return the signal of the column that is called time, with a unit in brackets or none, if there is one."""
+    for position, column in enumerate(raw.columns):
+        match = _NAME_WITH_UNIT.match(str(column))
+        name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+        if name.lower() == "time":
+            return {"time": SignalMapping.from_value("time", {"column": position, "unit": unit}, False)}
+    return {}
 
 
 def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str, str]:

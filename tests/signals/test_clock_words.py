@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.signals import read_log
 from pamid.signals.guess import guess_columns
 
 NAMES = ["temps", "tiempo", "tempo [s]", "tijd", "czas", "Время [с]", "时间", "時間(s)", "rel. time"]
@@ -16,3 +17,14 @@ def test_a_clock_is_known_by_its_name(name: str) -> None:
     table = pd.DataFrame({name: 0.01 * np.arange(50), "Kraft [N]": np.sin(np.arange(50.0))})
     (guess,) = (g for g in guess_columns(table) if g.column == name)
     assert (guess.signal, guess.gauge) == ("time", None)
+
+
+@pytest.mark.parametrize("name, step", [("time", 0.1), ("Time", 0.1), ("TIME [ms]", 100)])
+def test_the_column_called_time_is_the_clock_with_or_without_a_mapping(tmp_path, name: str, step: float) -> None:
+    table = pd.DataFrame({name: step * np.arange(4), "v": [36.0, 18.0, 9.0, 0.0]})
+    table.to_csv(tmp_path / "log.csv", index=False)
+    for mapping in (None, {"signals": {"v": {"column": "v", "unit": "km/h"}}}):
+        read = read_log(tmp_path / "log.csv", mapping)
+        assert read["time"].tolist() == pytest.approx([0.0, 0.1, 0.2, 0.3])
+        assert set(read) == {"trajectory", "time", "v"}
+        assert read["v"].iloc[0] == pytest.approx(36.0 if mapping is None else 10.0)
