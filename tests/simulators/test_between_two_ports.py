@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -243,6 +244,13 @@ def test_masses_ratio_stiffness_and_capacities_follow_from_the_simulator() -> No
     assert leak.unit == "m^3/s"
     assert np.allclose(one, 7e8 / (2e-4 + 2e-3 * x[0]), rtol=1e-4)
     assert np.allclose(two, 7e8 / (2e-4 + 1.2e-3 * (0.4 - x[0])), rtol=1e-4)
+
+
+@pytest.mark.parametrize(("unit", "pairs"), [("-", 1), ("m", 0)])
+def test_an_angle_without_a_unit_is_coupled_with_one_in_rad(unit: str, pairs: int) -> None:
+    ports = [replace(p, unit=unit) if p.name == "ql" else p for p in DRIVE_PORTS]
+    drive = FunctionSimulator(drive_rates, ports, dict(DRIVE.parameters))
+    assert len(evidence_of(drive_log(driven()), drive).links) == pairs
 
 
 def test_a_page_that_says_what_the_ends_yield_is_the_same() -> None:
