@@ -129,9 +129,9 @@ class StretchEvidence(PortEvidence):
         _, self.stretches, self._x0 = best
         self._part()
         self.laid = self._x0
-        length = max(s.stop - s.first for s in self.stretches)
-        whole = len(self.stretches) == len(self.log.spans)
-        pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
+        lengths = [s.stop - s.first for s in self.stretches]
+        whole, most = len(lengths) == len(self.log.spans), "up to " if 2 * min(lengths) <= max(lengths) else ""
+        pieces = "whole runs" if whole else f"stretches of {most}{max(lengths) * self.log.dt:.3g} s"
         held = self.simulator.form == "ode" and all(name in self.log.channels for name in self.simulator.states)
         noisy = "since noise in the logged states would bias parameters" if self.longest else "not of the logged states"
         why = noisy if held else "since the log lacks states"
@@ -143,7 +143,8 @@ class StretchEvidence(PortEvidence):
         Least squares from there has many least values, and first order says nothing of any change.
         """
         while self.simulator.form == "ode" and not self.whole:
-            bent = [b and s.stop - s.first >= 2 * SHORTEST for b, s in zip(self._bends(), self.stretches, strict=True)]
+            led = self._led_elsewhere()
+            bent = [b and s.stop - s.first >= 2 * SHORTEST for b, s in zip(led, self.stretches, strict=True)]
             if not any(bent):
                 break
             halves = [(s, (s.first + s.stop) // 2) for s in self.stretches]
@@ -154,7 +155,7 @@ class StretchEvidence(PortEvidence):
             self.stretches = [part for both in parts for part in both]
             self._x0 = self._fitted_starts()
 
-    def _bends(self) -> list[bool]:
+    def _led_elsewhere(self) -> list[bool]:
         """Return the stretches whose prediction is far from linear in a start that is off by its reading's noise."""
         off = np.array([self.sigma.get(s, 0.0) if s in self.log.channels else 0.0 for s in self.simulator.states])
         starts = [self._x0 + sign * h[:, None] for h in np.diag(off) if h.any() for sign in (1.0, -1.0)]
