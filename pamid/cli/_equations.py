@@ -8,6 +8,7 @@ from ..signals.unit_names import find_unit, parse_quantity, unit_name
 from ..signals.units import SI_UNITS, UNITS, dimension_of
 from ..simulators import EquationSimulator, ModelParameter, Port, Simulator, page_text
 from ..simulators.equation_model import names_in, sides
+from ..simulators.equation_units import completed
 from ..simulators.written_units import in_si
 from ..systems.base import Input
 from ..systems.draft import Draft
@@ -72,9 +73,7 @@ def settle_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappin
             f"Add --signal {next(iter((*rates, *outputs)))}=COLUMN:UNIT.",
         )  # fmt: skip
     units = {port.name: _unit_of(draft, port.name) for port in draft.ports}
-    for name, right in rates.items():
-        if right in rates and units[name] and not units[right]:
-            units[right] = f"{units[name]}/s"  # a state that is the rate of another
+    units = completed(units, rates, outputs.values())
     draft.ports = tuple(port._replace(unit=units[port.name]) for port in draft.ports)
     simulator = _simulator(draft, equations, numbers, starts)
     note = "[parameters]  # tolerance: how well each is known, 0.1 is 10 %; 0: fixed"

@@ -158,10 +158,10 @@ def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]
 
 def names_in(text: str) -> set[str]:
     """Return the names of an equation's right side other than functions and constants."""
-    return {n.id for n in ast.walk(_parsed(text)) if isinstance(n, ast.Name)} - {*FUNCTIONS, *_CONSTANTS}
+    return {n.id for n in ast.walk(tree_of(text)) if isinstance(n, ast.Name)} - {*FUNCTIONS, *_CONSTANTS}
 
 
-def _parsed(text: str) -> ast.Expression:
+def tree_of(text: str) -> ast.Expression:
     """Return an equation's right side as a tree of arithmetic only."""
     try:
         if len(text) > _LONGEST:
@@ -203,7 +203,7 @@ class Formulas:
                     f"states, inputs, parameters or t: {', '.join(sorted(known))}",
                     "Give it as a port or parameter, or correct the name.",
                 )
-            trees[name] = _parsed(text)
+            trees[name] = tree_of(text)
         self._used = sorted(known & {name for text in right.values() for name in names_in(text)})
         # The trees hold arithmetic and calls of FUNCTIONS alone: nothing else can run.
         self._codes = {name: _compiled(name, tree) for name, tree in trees.items()}

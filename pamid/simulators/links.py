@@ -190,7 +190,9 @@ def _sized_by(link: Link, simulator: Simulator, at: tuple[np.ndarray, np.ndarray
 
 def _alike(a: LinkEnd, b: LinkEnd) -> bool:
     """Return whether two ends store the same kind of quantity."""
-    return a.domain == b.domain and _dimension(a.unit) == _dimension(b.unit)
+    kinds = {_dimension(end.unit) for end in (a, b)}
+    # An angle in rad is a plain number, as a port is without a unit.
+    return a.domain == b.domain and (len(kinds) == 1 or (a.domain == "motion" and {a.unit, b.unit} == {"-", "rad"}))
 
 
 def _dimension(unit: str) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -262,6 +263,13 @@ def test_bodies_that_exchange_heat_are_a_pair_whose_capacities_follow(power: int
     assert (pair.name, pair.domain) == ("hot and cold", "temperature")
     assert pair.typical[1] / pair.typical[0] == pytest.approx(2.0 / 6.0, rel=1e-6)
     assert "heat_loss@hot and cold" in evidence.placements
+
+
+@pytest.mark.parametrize(("unit", "pairs"), [("-", 1), ("m", 0)])
+def test_an_angle_without_a_unit_is_coupled_with_one_in_rad(unit: str, pairs: int) -> None:
+    ports = [replace(p, unit=unit) if p.name == "ql" else p for p in DRIVE_PORTS]
+    drive = FunctionSimulator(drive_rates, ports, dict(DRIVE.parameters))
+    assert len(evidence_of(drive_log(driven()), drive).links) == pairs
 
 
 def test_a_page_that_says_what_the_ends_yield_is_the_same() -> None:

@@ -11,7 +11,8 @@ import pytest
 from pamid.cli import main
 from pamid.errors import MissingParameterError, ParameterError, SimulatorRunError
 from pamid.simulators import EquationSimulator, Port, page_text, read_simulator
-from pamid.simulators.equation_model import names_in
+from pamid.simulators.equation_model import names_in, sides
+from pamid.simulators.equation_units import completed
 
 FALL = ["--equation", "dh/dt = v", "--equation", "dv/dt = -g", "--set", "g=9.81 m/s2 ± 0.1 %"]
 
@@ -88,6 +89,18 @@ def test_a_rate_that_is_not_logged_has_the_unit_of_a_rate(drops, capsys):
     out = ["--signal", "h=height [mm]", "--out", str(drops / "setup")]
     assert main(["init", str(drops / "drops.csv"), *equations, *out]) == 0
     assert read_simulator(drops / "setup" / "sim.toml").port("speed").unit == "m/s"
+
+
+def test_a_state_that_is_not_logged_has_the_unit_of_what_it_is_subtracted_from():
+    """Only ends of one unit are coupled, so that nothing between a motor and a load without one would be asked for."""
+    equations = {
+        "da/dt": "va", "dva/dt": "(torque - k*(a - b))/J", "db/dt": "vb", "dvb/dt": "k*(a - b)/M", "dz/dt": "ref - a",
+        "shown": "2*b",
+    }  # fmt: skip
+    rates, outputs = sides(equations)
+    units = {"a": "rad", "torque": "", "ref": "", "shown": ""} | dict.fromkeys(("va", "b", "vb", "z"), "")
+    found = {"a": "rad", "va": "rad/s", "b": "rad", "vb": "rad/s", "z": "rad s"}
+    assert completed(units, rates, outputs.values()) == units | found
 
 
 def test_an_algebraic_model_and_its_page(tmp_path):

@@ -160,3 +160,37 @@ def test_stretches_that_are_followed_are_taken_even_where_they_are_little_better
     monkeypatch.setattr(ShootingEvidence, "_missed", misses)
     lengths = {s.stop - s.first for s in ShootingEvidence(log, simulator).stretches}
     assert lengths == {40}
+
+
+def whirls(top: float, rows: int = 500) -> tuple[pd.DataFrame, list[Port]]:
+    """Return a run of a pendulum that is let go so far from its top, read with noise, and its ports."""
+    rng, t = np.random.default_rng(1), 0.02 * np.arange(rows)
+
+    def swing(s: float, x: np.ndarray) -> list[float]:
+        return [x[1], 3.0 * np.sin(0.9 * s) - 40.0 * np.sin(x[0]) - 0.1 * x[1]]
+
+    x = solve_ivp(swing, (0.0, t[-1]), [np.pi - top, 0.0], t_eval=t, rtol=1e-9, atol=1e-9).y
+    q, w = x + np.array([[0.05], [0.3]]) * rng.standard_normal(x.shape)
+    ports = [Port("T", "input", "rad/s2"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    return pd.DataFrame({"trajectory": "0", "time": t, "T": 3.0 * np.sin(0.9 * t), "q": q, "w": w}), ports
+
+
+@pytest.mark.parametrize(("top", "whole"), [(0.02, False), (2.8, True)])
+def test_runs_are_parted_where_the_noise_of_their_start_leads_elsewhere(top: float, whole: bool) -> None:
+    """Whether a pendulum near its top falls to this side or that, its reading does not tell."""
+    log, ports = whirls(top)
+    pendulum = FunctionSimulator(lambda t, x, u, p: [x.w, u.T - 40.0 * np.sin(x.q) - 0.1 * x.w], ports, {})
+    found = ShootingEvidence(port_log(log, pendulum), pendulum)
+    assert (len(found.stretches) == 1) is whole
+    assert ("whole runs" in found.how) is whole
+    assert max(np.sqrt(np.mean(np.square(e))) for e in found._error(found._x0)) < 1.1
+
+
+def test_runs_of_an_unstable_system_stay_whole_where_its_response_is_linear() -> None:
+    ports = [Port("T", "input", "rad/s2"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    unstable = FunctionSimulator(lambda t, x, u, p: [x.w, u.T + 4.0 * x.q], ports, {})
+    rng, t = np.random.default_rng(0), 0.02 * np.arange(200)
+    q = 0.01 * np.exp(2.0 * t)
+    log = pd.DataFrame({"trajectory": "0", "time": t, "T": 0.0 * t, "q": q, "w": 2.0 * q})
+    log[["q", "w"]] += 0.1 * rng.standard_normal((200, 2))
+    assert len(ShootingEvidence(port_log(log, unstable), unstable).stretches) == 1

@@ -127,14 +127,46 @@ class StretchEvidence(PortEvidence):
             # Predictions that diverge at once are not retried over ever shorter stretches.
             length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
+        self._part()
         self.laid = self._x0
-        length = max(s.stop - s.first for s in self.stretches)
-        whole = length >= max(b - a for a, b in self.log.spans)
-        pieces = "whole runs" if whole else f"stretches of {length * self.log.dt:.3g} s"
+        lengths = [s.stop - s.first for s in self.stretches]
+        whole, most = len(lengths) == len(self.log.spans), "up to " if 2 * min(lengths) <= max(lengths) else ""
+        pieces = "whole runs" if whole else f"stretches of {most}{max(lengths) * self.log.dt:.3g} s"
         held = self.simulator.form == "ode" and all(name in self.log.channels for name in self.simulator.states)
         noisy = "since noise in the logged states would bias parameters" if self.longest else "not of the logged states"
         why = noisy if held else "since the log lacks states"
         self.how = f"of predictions over {pieces}, each from an initial state fitted to it, {why}"
+
+    def _part(self) -> None:
+        """Halve the stretches whose readings do not tell well enough where they begin.
+
+        Least squares from there has many least values, and first order says nothing of any change.
+        """
+        while self.simulator.form == "ode" and not self.whole:
+            led = self._led_elsewhere()
+            bent = [b and s.stop - s.first >= 2 * SHORTEST for b, s in zip(led, self.stretches, strict=True)]
+            if not any(bent):
+                break
+            halves = [(s, (s.first + s.stop) // 2) for s in self.stretches]
+            parts = [
+                [Segment(s.first, middle), Segment(middle, s.stop)] if b else [s]
+                for b, (s, middle) in zip(bent, halves, strict=True)
+            ]
+            self.stretches = [part for both in parts for part in both]
+            self._x0 = self._fitted_starts()
+
+    def _led_elsewhere(self) -> list[bool]:
+        """Return the stretches whose prediction is far from linear in a start that is off by its reading's noise."""
+        off = np.array([self.sigma.get(s, 0.0) if s in self.log.channels else 0.0 for s in self.simulator.states])
+        starts = [self._x0 + sign * h[:, None] for h in np.diag(off) if h.any() for sign in (1.0, -1.0)]
+        here, *there = self._errors([self._x0, *starts], [self.simulator.numbers] * (len(starts) + 1))
+        least = np.array([FOLLOWS * self._spread(n) / self.sigma[n] for n in self.shown])
+        bent = [False] * len(here)
+        for ahead, behind in zip(there[::2], there[1::2], strict=True):
+            for k, (a, b, e) in enumerate(zip(ahead, behind, here, strict=True)):
+                size = np.sqrt(np.mean(np.square(0.5 * (a + b) - e), axis=1))
+                bent[k] = bent[k] or not bool(np.all(size < least))
+        return bent
 
     def _lay_like(self, other: StretchEvidence) -> None:
         """Take the stretches of another evidence of the log, whose inputs differ only within samples."""
