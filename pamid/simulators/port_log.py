@@ -60,6 +60,11 @@ class PortLog:
         return float(np.median([b - a for a, b in self.spans])) * self.dt
 
     @property
+    def again(self) -> float:
+        """Length of the longest run, s, where there are several; 0 where there is one."""
+        return float(np.max(self.t)) if len(self.starts) > 1 else 0.0
+
+    @property
     def run(self) -> np.ndarray:
         """Number of the run of each row."""
         return np.searchsorted(self.starts, np.arange(self.n), side="right") - 1

@@ -79,7 +79,7 @@ class PredictedEvidence(StretchEvidence):
         p = np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
             if place.enters == "parameter":
-                p = place.adjusted(made, p, list(simulator.parameters), log.along)
+                p = place.adjusted(made, p, list(simulator.parameters), log.along, log.t)
             elif place.acts and simulator.form == "run":  # a force there depends on what the log reads
                 u = u.copy()
                 none = np.zeros((0, log.n))

@@ -425,7 +425,7 @@ class ShootingEvidence(PredictedEvidence):
         one_sided = {name: end.side for name, end in self.saturated.items() if end.side}
         return SignalSizes(
             spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends,
-            one_sided, highs,
+            one_sided, highs, log.again,
         )  # fmt: skip
 
     def _unsure(self) -> list[str]:
