@@ -357,7 +357,9 @@ class PredictedEvidence(StretchEvidence):
         else:
             return found
         rows = self._ran(x0, drive.u, drive.p)
-        done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
+        responses = [(a - b) / most for a, b in zip(rows, known, strict=True)]
+        if all(np.all(np.isfinite(one)) for one in responses):  # no other can be superposed of one that failed
+            done.append(([c / most for c in changes], responses))
         return rows
 
     def _slopes(

@@ -113,7 +113,8 @@ class ShootingEvidence(PredictedEvidence):
             x, least = self.log.channels[name], self.sigma[name]
             found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
             lengths = [b - a for a, b in self.log.spans]
-            self._readings_noise[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
+            white = float(np.sqrt(np.average(np.square(found), weights=lengths))) / self.shown_of_noise(name)
+            self._readings_noise[name] = min(least, white)
             self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
     def _with_lines(self) -> np.ndarray:
