@@ -15,7 +15,7 @@ from ..signals.formats import is_measured
 from ..signals.mapping import LogMapping
 from ..signals.stretches import stretches_of
 from .base import Simulator
-from .readings_between import Between
+from .interpolated import Interpolated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,7 +44,7 @@ class PortLog:
     """Rows in which a channel was not read, if any; they are filled by linear interpolation. Shape (n,)."""
     notes: list[str] = field(default_factory=list)
     """Notes for the reader."""
-    between: Mapping[str, Between] = field(default_factory=dict)
+    between: Mapping[str, Interpolated] = field(default_factory=dict)
     """Where the rows of a channel lie between its readings, if any were interpolated."""
 
     @property
@@ -157,7 +157,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     values, lost = (np.concatenate(one) for one in ([run.x for run in even], [run.lost for run in even]))
     gaps = {p.name: lost[:, k] for k, p in enumerate(there) if lost[:, k].any()}
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
-    joined = {p.name: Between.joined([run.between[k] for run in even]) for k, p in enumerate(there)}
+    joined = {p.name: Interpolated.joined([run.between[k] for run in even]) for k, p in enumerate(there)}
     between = {name: rows for name, rows in joined.items() if rows.interpolated}
     t = np.concatenate([run.t for run in even])
     made = PortLog(channels, t, starts, dt, [name for name, *_ in pieces], gaps, notes, between)
@@ -202,7 +202,7 @@ class _Even(NamedTuple):
     """Its columns, shape (n, n_columns)."""
     lost: np.ndarray
     """Cells that were not read, of the same shape."""
-    between: list[Between]
+    between: list[Interpolated]
     """Where the rows of each column lie between readings."""
 
 
@@ -212,7 +212,7 @@ def _even(t: np.ndarray, x: np.ndarray, dt: float) -> _Even:
     even = np.abs(np.diff(t) - dt).max() <= _UNEVEN * dt
     grid = t if even else np.arange(0.0, t[-1] + 1e-9 * dt, dt)
     if even and not bad.any():
-        return _Even(grid, x, np.zeros(x.shape, dtype=bool), [Between.of(t, column, grid) for column in x.T])
+        return _Even(grid, x, np.zeros(x.shape, dtype=bool), [Interpolated.of(t, column, grid) for column in x.T])
     columns, lost, between = [], np.zeros((len(grid), x.shape[1]), dtype=bool), []
     for k in range(x.shape[1]):
         known = np.isfinite(x[:, k])
@@ -220,7 +220,7 @@ def _even(t: np.ndarray, x: np.ndarray, dt: float) -> _Even:
         after = np.clip(np.searchsorted(t[known], grid), 1, int(known.sum()) - 1)
         nearest = np.minimum(np.abs(grid - t[known][after - 1]), np.abs(grid - t[known][after]))
         lost[:, k] = nearest > _AWAY * dt
-        between.append(Between.of(t[known], x[known, k], grid))
+        between.append(Interpolated.of(t[known], x[known, k], grid))
     return _Even(grid, np.column_stack(columns), lost, between)
 
 

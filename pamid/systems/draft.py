@@ -14,10 +14,11 @@ from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
 from ..signals.headers import read_header
 from ..signals.log import find_logs, read_log
-from ..signals.mapping import SignalMapping
+from ..signals.mapping import LogMapping, SignalMapping
 from ..signals.mapping_text import mapping_text
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS, dimension_of
+from ..simulators.port_units import beside_si
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
@@ -275,7 +276,11 @@ class Draft:
     def read(self) -> pd.DataFrame:
         """Read the logs with the mapping."""
         checked = not self.ports  # typical values of muscles do not hold for other systems
-        return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore", check_units=checked)
+        mapping: Any = self.mapping()
+        if self.ports:
+            wanted = beside_si((port.name, port.unit) for port in self.ports)
+            mapping = replace(LogMapping.load(mapping), wanted=wanted)
+        return read_log(self.paths, mapping, nan="keep", sampling="ignore", check_units=checked)
 
     def run_names(self) -> list[str]:
         """Return the columns whose values change in long stretches, as the names or numbers of runs do."""

@@ -8,7 +8,7 @@ import pamid
 from pamid.gap.residuals.jumps import NOTE
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, FunctionSimulator, Port
-from pamid.simulators.readings_between import Between
+from pamid.simulators.interpolated import Interpolated
 
 PORTS = [Port("heat", "input", "W"), Port("T", "state", "K")]
 NUMBERS = {"k": (2.0, 0.05, "W/K"), "C": (60.0, 0.05, "J/K")}
@@ -73,9 +73,9 @@ def test_a_simulator_of_runs_knows_the_instants_where_no_row_is_lost():
 
 
 def test_rows_lie_between_the_readings_of_their_run():
-    one = Between.of(np.array([0.0, 1.0, 3.0, 4.0, 5.0]), np.array([0.0, 0.0, 2.0, 2.0, 2.0]), np.arange(6.0))
+    one = Interpolated.of(np.array([0.0, 1.0, 3.0, 4.0, 5.0]), np.array([0.0, 0.0, 2.0, 2.0, 2.0]), np.arange(6.0))
     assert one.before.tolist() == [0, 0, 1, 1, 2, 3] and one.share.tolist() == [0.0, 1.0, 0.5, 1.0, 1.0, 1.0]
     assert one.jump.tolist() == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0] and one.interpolated
-    both = Between.joined([one, one])
+    both = Interpolated.joined([one, one])
     assert both.before.tolist() == [0, 0, 1, 1, 2, 3, 5, 5, 6, 6, 7, 8]
     assert len(both.noise(np.random.RandomState(0))) == 12 and both.at(np.array([2, 8])).jump.tolist() == [1.0, 1.0]

@@ -9,7 +9,7 @@ import numpy as np
 
 
 @dataclass(frozen=True)
-class Between:
+class Interpolated:
     """Where each row of a channel lies between two readings."""
 
     before: np.ndarray
@@ -20,7 +20,7 @@ class Between:
     """How far it may be off where the channel jumps between the two, at an unknown instant. Shape (n,)."""
 
     @classmethod
-    def of(cls, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> Between:
+    def of(cls, t: np.ndarray, x: np.ndarray, rows: np.ndarray) -> Interpolated:
         """Return where rows lie between the readings of one run."""
         before = np.clip(np.searchsorted(t, rows), 1, len(t) - 1) - 1
         share = np.clip((rows - t[before]) / np.diff(t)[before], 0.0, 1.0)
@@ -28,15 +28,15 @@ class Between:
         return cls(before, share, np.abs(_jumps(t, x))[before] * np.sqrt(share * (1.0 - share)))
 
     @classmethod
-    def joined(cls, runs: Sequence[Between]) -> Between:
+    def joined(cls, runs: Sequence[Interpolated]) -> Interpolated:
         """Return the rows of several runs, whose readings follow one another."""
         ends = np.cumsum([0, *(int(np.max(run.before)) + 2 for run in runs)])
         before = np.concatenate([run.before + end for run, end in zip(runs, ends[:-1], strict=True)])
         return cls(before, *(np.concatenate([getattr(run, what) for run in runs]) for what in ("share", "jump")))
 
-    def at(self, rows: np.ndarray) -> Between:
+    def at(self, rows: np.ndarray) -> Interpolated:
         """Return some of the rows."""
-        return Between(self.before[rows], self.share[rows], self.jump[rows])
+        return Interpolated(self.before[rows], self.share[rows], self.jump[rows])
 
     @property
     def interpolated(self) -> bool:
