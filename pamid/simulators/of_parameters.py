@@ -19,7 +19,7 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     """Return the effects at the numbers of a simulator."""
     found = []
     known = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
-    if survey.again > 0.0:  # in a single run both drifts are one
+    if survey.again > 0.0 and simulator.form != "run":  # in a single run both drifts are one; numbers of runs are fixed
         known["parameter_drift_in_runs"] = ParameterDriftInRuns
     scales = Scales(time=1.0 / (survey.again or 1.0))
     for name, parameter in simulator.parameters.items():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -77,7 +78,7 @@ class PortLog:
         """How far each row is along the log, from 0 to 1."""
         return np.arange(self.n) / max(self.n - 1, 1)
 
-    @property
+    @cached_property
     def lost(self) -> np.ndarray:
         """Rows in which something was not read."""
         return np.logical_or.reduce([np.zeros(self.n, dtype=bool), *self.gaps.values()])

@@ -49,3 +49,15 @@ def test_in_a_single_run_there_is_one_drift() -> None:
     drifts = [evidence_of(fading(runs), reactor()).placements for runs in (1, 2)]
     assert ["parameter_drift_in_runs@k" in found for found in drifts] == [False, True]
     assert all("parameter_drift@k" in found for found in drifts)
+
+
+def test_a_simulator_of_whole_runs_has_one_number_in_each():
+    def whole(u, p, x0):
+        c, out = 4.0, []
+        for f in u["feed"]:
+            out.append(c)
+            c += 0.1 * (f - p["k"] * c)
+        return [np.array(out)]
+
+    simulator = FunctionSimulator(whole, [PORTS[0], Port("c", "output", "mol/m3")], {"k": (0.2, 0.05, "1/s")})
+    assert not any("drift_in_runs" in name for name in evidence_of(fading(2), simulator).placements)

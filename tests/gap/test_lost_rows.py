@@ -49,7 +49,8 @@ def test_inputs_that_jump_between_rows_are_no_gap(lost, uneven):
 
 
 def test_a_cause_is_named_though_rows_are_lost():
-    found = pamid.diagnose(oven_log(3, k=2.6, noise=0.01), OVEN, ["parameter_deviation", "actuator_gain", "sensor_gain"])
+    some = ["parameter_deviation", "actuator_gain", "sensor_gain"]
+    found = pamid.diagnose(oven_log(3, k=2.6, noise=0.01), OVEN, some)
     [cause] = found.causes
     assert (cause.effects[0], cause.where[0]) == ("parameter_deviation", "k")
 

@@ -24,8 +24,8 @@ PULLED = (
     "more runs like these, or filtering the log, do not."
 )
 HIDES = (
-    "Noise in the readings hides slow errors of the rates that the model states: this kind of model is asked instant by "
-    "instant, and simulating it over stretches, in which such errors add up, would take too long. Longer runs, or "
+    "Noise in the readings hides slow errors of the rates that the model states: this kind of model is asked instant "
+    "by instant, and simulating it over stretches, in which such errors add up, would take too long. Longer runs, or "
     "readings with less noise, help."
 )
 BY_POSITION = (

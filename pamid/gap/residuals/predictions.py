@@ -88,10 +88,12 @@ class PredictedEvidence(StretchEvidence):
 
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
         """Return channels as faulty sensors read them, in place."""
+        ends = np.cumsum([one.shape[1] for one in rows])
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                for one in rows:
-                    one[k] = place.reading(made, one[k], self.log.dt, np.array([0]))
+                read = place.reading(made, np.concatenate([one[k] for one in rows]), self.log.dt, ends - ends[0])
+                for one, found in zip(rows, np.split(read, ends[:-1]), strict=True):
+                    one[k] = found
         return rows
 
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
