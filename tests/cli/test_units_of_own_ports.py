@@ -72,3 +72,19 @@ def test_a_unit_that_is_the_ports_own_leaves_every_bit(folder):
     log = read_log(folder / "room.csv", replace(LogMapping.load(mapping), wanted=wanted), check_units=False)
     assert np.array_equal(log["T"], raw["room [°C]"])
     assert np.array_equal(log["level"], raw["level [mm]"])  # without a unit, it is as the log has it
+
+
+def test_units_that_are_made_of_others_are_read_in_si(tmp_path, capsys):
+    t = np.arange(0.0, 60.0, 0.1)
+    table = {"t [min]": t, "feed [kmol/min]": 1.2 + 0.3 * np.sin(t), "out [furlong]": np.cos(t), "n [mol]": 50.0 + t}
+    pd.DataFrame(table).to_csv(tmp_path / "tank.csv", index=False)
+    said = ["--signal", "feed=feed [kmol/min]", "--signal", "out=out [furlong]", "--signal", "n=n [mol]"]
+    equation = ["--equation", "dn/dt = feed - out - n/tau", "--set", "tau=60 s"]
+    log, out = str(tmp_path / "tank.csv"), str(tmp_path / "setup")
+    assert main(["init", log, *equation, *said, "--yes", "--out", out]) == 0
+    told = capsys.readouterr().out
+    assert "'furlong' is not a known unit" in told and "'kmol/min'" not in told and "'mol'" not in told
+    page = (tmp_path / "setup" / "sim.toml").read_text()
+    assert 'feed = { kind = "input", unit = "mol/s" }' in page and 'n = { kind = "state", unit = "mol" }' in page
+    read = read_log(log, tmp_path / "setup" / "columns.toml", check_units=False)
+    assert read["feed"].iloc[0] == pytest.approx(20.0) and read["n"].iloc[0] == 50.0
