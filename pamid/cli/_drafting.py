@@ -23,6 +23,7 @@ from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
 from ..signals.headers import read_header
 from ..signals.unit_names import parse_quantity
+from ..simulators.written_units import in_si
 from .common import note, print_json, table
 
 if TYPE_CHECKING:
@@ -103,7 +104,7 @@ def _how(draft: Draft, guess: Guess) -> str:
     said = read_header(guess.column).unread if isinstance(guess.column, str) and guess.unit is None else ""
     return (
         f"given; '{said}' is not a known unit"
-        if guess.why == "given" and guess.signal and guess.scale == 1.0 and said
+        if guess.why == "given" and guess.signal and guess.scale == 1.0 and said and not in_si(said)
         else "given"
         if guess.why == "given"
         else "?"
@@ -118,7 +119,7 @@ def unit(guess: Any) -> str:
     if not guess.signal:
         return ""
     reference = {True: " gauge", False: " absolute"}.get(guess.gauge, "")
-    return (guess.unit or "as it is") + reference
+    return (guess.unit or ("as it is" if guess.scale == 1.0 else f"times {guess.scale:.4g}")) + reference
 
 
 def names(draft: Draft) -> str:

@@ -11,7 +11,7 @@ from ..simulators.equation_model import names_in, sides
 from ..simulators.equation_units import completed
 from ..simulators.written_units import in_si
 from ..systems.base import Input
-from ..systems.draft import Draft
+from ..systems.draft import Draft, composed_unit
 
 _TOLERANCE = re.compile(r"(?P<value>.*?)\s*(?:\+-|±)\s*(?P<percent>[\d.]+)\s*%$")
 
@@ -97,7 +97,10 @@ def _simulator(
 def _unit_of(draft: Draft, name: str) -> str:
     """Return the SI unit of a signal's column."""
     column = draft.of(name)
-    return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else ""
+    if column is not None and column.unit:
+        return SI_UNITS[find_unit(column.unit).dimension]
+    made = in_si(composed_unit(column.column)) if column is not None else None
+    return made[1] if made is not None and column is not None and made[0] == column.scale else ""
 
 
 def _number(name: str, text: str) -> ModelParameter:

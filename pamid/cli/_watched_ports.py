@@ -5,13 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
-from .common import note, own_columns
+from .common import note, own_columns, wanted_units
 
 if TYPE_CHECKING:
     from ..online.stream import Samples
@@ -109,9 +110,10 @@ def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]
     import numpy as np
 
     from ..signals import LogMapping
-    from ..signals._tidy import to_si
+    from ..signals._tidy import as_wanted
 
     mapping = LogMapping.load(args.columns, own=own_columns(simulator))
+    mapping = replace(mapping, wanted=wanted_units(simulator))
     path = Path(args.stream)
 
     def convert(row: dict[str, Any]) -> dict[str, Any]:
@@ -120,7 +122,7 @@ def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]
             column = str(how.column or signal)
             if column in row:
                 raw = np.asarray(np.nan if row[column] is None else float(row[column]))
-                found[signal] = float(to_si(raw, signal, how, {}, mapping.ambient_pressure, path))
+                found[signal] = float(as_wanted(raw, signal, how, {}, mapping, path))
         return found
 
     return convert

@@ -81,7 +81,15 @@ def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
     from ..signals import LogMapping
 
     mapping = LogMapping.load(args.columns, own=own_columns(simulator))
+    mapping = replace(mapping, wanted=wanted_units(simulator))
     return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
+
+
+def wanted_units(simulator: Any) -> dict[str, str]:
+    """Return the units other than SI in which ports of a simulator want their columns."""
+    from ..simulators.port_units import beside_si
+
+    return {} if simulator is None else beside_si((port.source, port.unit) for port in simulator.own_ports)
 
 
 def own_columns(simulator: Any) -> list[str]:

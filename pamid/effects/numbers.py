@@ -101,6 +101,19 @@ class ParameterDrift(Effect):
         return {"value": values["value"] * (1.0 + self.drift * (values["along"] - 0.5))}
 
 
+class ParameterDriftInRuns(Effect):
+    r"""A parameter that drifts from its value anew in every run: :math:`p' = p\,(1 + r\,t)`, t since the run began."""
+
+    family = "parameter"
+    equations = ()
+    source = "10.1007/3-540-30368-5"
+    rate = parameter("1/s", -0.9, 0.9, 0.1, "relative change per second")
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the value at a time ``since`` the beginning of a run."""
+        return {"value": values["value"] * (1.0 + self.rate * values["since"])}
+
+
 class AddedInertia(Effect):
     r"""Inertia at a joint that the simulator leaves out, such as that of a motor behind a gear: :math:`I' = I + I_m`.
 

@@ -58,7 +58,6 @@ def evidence_of(
         PREDICTED_IF,
         better_derived,
         motion_is_hidden,
-        rates_are_hidden,
         sign_may_be_lost,
     )
 
@@ -92,7 +91,7 @@ def evidence_of(
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
-    if motion_is_hidden(found) or rates_are_hidden(found):
+    if motion_is_hidden(found):
         return predicted()
     for is_so, longest, note in PREDICTED_IF:
         if note not in found.notes and is_so(found):

@@ -14,7 +14,8 @@ from .words import Words
 
 Estimates = Mapping[str, "ParameterEstimate"]
 
-DEVIATION, DRIFT = "parameter_deviation", "parameter_drift"
+DEVIATION = "parameter_deviation"
+DRIFTS = {"parameter_drift": "drift of {}", "parameter_drift_in_runs": "drift of {} in each run"}
 _ALIKE = 0.1
 """How much two sizes of one thing may differ, as a share: each is fitted in the place of the other."""
 _MODEL = re.compile(r"^(?:body|dof|jnt|actuator)_(\w+)\.(.+)$")
@@ -24,7 +25,7 @@ def named(name: str, port: str) -> str:
     """Return a cause's name as words: an effect at its port, or the parameter of the simulator that is wrong."""
     if name == DEVIATION:
         return _parameter(port)
-    return f"drift of {_parameter(port)}" if name == DRIFT else placed(name, port)
+    return DRIFTS[name].format(_parameter(port)) if name in DRIFTS else placed(name, port)
 
 
 def _parameter(name: str) -> str:
@@ -41,7 +42,7 @@ def either(cause: Cause, words: Words) -> str:
     """Describe a cause in a few words, each place once."""
     at: dict[str, list[str]] = {}
     for name, port, _ in _alternatives(cause, words):
-        if name in (DEVIATION, DRIFT):
+        if name == DEVIATION or name in DRIFTS:
             at[named(name, port)] = []
         else:
             at.setdefault(port, []).append(effect(name))

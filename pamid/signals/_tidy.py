@@ -2,7 +2,7 @@
 
 import difflib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -79,7 +79,7 @@ def tidy(
         if how.own or not how.check or (signal == "time" and how.unit):
             unchecked.add(signal)
         zero = _zero(zero_run, places[signal], signal, path, mapping) if how.subtract_zero_run else 0.0
-        columns[signal] = to_si(values - zero, signal, how, constants, mapping.ambient_pressure, path)
+        columns[signal] = as_wanted(values - zero, signal, how, constants, mapping, path)
     read = set(columns)
     _add_constants(columns, constants, len(raw))
     if "time" not in columns:
@@ -286,6 +286,20 @@ def to_si(
         if wants_gauge and not source_gauge:
             return values - ambient
     return values
+
+
+def as_wanted(
+    values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], mapping: LogMapping, path: Path
+) -> np.ndarray:
+    """Return a column's values in SI, or in the unit in which a simulator wants them; without a unit as they are."""
+    unit, stated, offset, factor = UNITS.get(mapping.wanted.get(signal, "")), how.si_unit(signal), 0.0, 1.0
+    if unit is not None and stated is not None and unit.dimension == stated.dimension:
+        if unit[1:3] == stated[1:3] and how.source == "value":  # unchanged to the last bit
+            how = replace(how, unit=None)
+        else:
+            offset, factor = unit.offset, unit.factor
+    found = to_si(values, signal, how, constants, mapping.ambient_pressure, path)
+    return (found - offset) / factor if (offset, factor) != (0.0, 1.0) else found
 
 
 def _add_constants(columns: dict[str, np.ndarray], constants: dict[str, float], n: int) -> None:

@@ -276,6 +276,8 @@ class LogMapping:
     own : tuple of str
         Signals of a simulator of your own: their unit may be of another quantity than the name means here, such as
         volts for ``u``.
+    wanted : mapping of str to str
+        Units other than SI in which a simulator of your own wants its signals.
 
     Examples
     --------
@@ -305,6 +307,7 @@ class LogMapping:
     encoding: str | None = None
     keep_others: bool = False
     own: tuple[str, ...] = ()
+    wanted: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
     def load(cls, source: Self | Mapping[str, Any] | str | Path | None, own: Sequence[str] = ()) -> Self:

@@ -12,7 +12,7 @@ from ..effects.backlash import Play
 from ..effects.gas import PortOverflow
 from ..effects.leakage import PortLeakage
 from ..effects.limits import ReadingRange
-from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
+from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, ParameterDriftInRuns, Payload
 from ..effects.readings import AngleGain
 from ..effects.ripples import PeriodicReading
 from ..effects.springs import LowerStop, Spring, UpperStop
@@ -53,6 +53,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "steady_heating": ("chamber", SteadyHeating),
     "parameter_deviation": ("parameter", ParameterDeviation),
     "parameter_drift": ("parameter", ParameterDrift),
+    "parameter_drift_in_runs": ("parameter", ParameterDriftInRuns),
     "added_inertia": ("parameter", AddedInertia),
     "payload": ("parameter", Payload),
 }
@@ -62,7 +63,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
 def placements(simulator: Simulator, survey: SignalSizes) -> dict[str, Placement]:
     """Return every effect at every port where it can act."""
     found = [*_at_inputs(simulator, survey), *_at_outputs(simulator, survey), *_at_joints(simulator, survey)]
-    found += [*_at_encoders(simulator, survey), *_at_chambers(simulator, survey), *at_parameters(simulator)]
+    found += [*_at_encoders(simulator, survey), *_at_chambers(simulator, survey), *at_parameters(simulator, survey)]
     found += [p for link in survey.links for p in at_link(link, survey, port_effects())]
     return {p.key: p for p in found}
 

@@ -147,6 +147,8 @@ class FunctionSimulator(Simulator):
             fast = self._fast[what] = _agrees(at, n, len(names))
         if fast:
             answer = _silently(function, t, arguments)
+            if type(answer) is dict and all(n in answer for n in names):
+                answer = [answer[n] for n in names]
             if type(answer) in (list, tuple) and len(answer) == len(names):
                 out = np.empty((len(names), n))
                 with contextlib.suppress(TypeError, ValueError):  # reported below

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, Payload
+from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, ParameterDriftInRuns, Payload
 from .base import Carried, Simulator
 from .placement import Placement, Scales
+from .sizes import SignalSizes
 
 MOST_PAYLOAD = 10.0
 """Heaviest payload, in masses of the whole."""
@@ -14,16 +15,20 @@ FIXED = (ParameterDeviation, AddedInertia, Payload)
 """Those that change numbers by a constant amount along a log."""
 
 
-def at_parameters(simulator: Simulator) -> list[Placement]:
+def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     """Return the effects at the numbers of a simulator."""
     found = []
+    known = {"parameter_deviation": ParameterDeviation, "parameter_drift": ParameterDrift}
+    if survey.again > 0.0 and simulator.form != "run":  # in a single run both drifts are one; numbers of runs are fixed
+        known["parameter_drift_in_runs"] = ParameterDriftInRuns
+    scales = Scales(time=1.0 / (survey.again or 1.0))
     for name, parameter in simulator.parameters.items():
         if parameter.value == 0.0:
             continue
-        for effect_name, of_one in (("parameter_deviation", ParameterDeviation), ("parameter_drift", ParameterDrift)):
+        for effect_name, of_one in known.items():
             effect = of_one.narrowed(prior=-1.0)
-            key, units = f"{effect_name}@{name}", {p.name: "-" for p in effect.parameters}
-            found.append(Placement(key, effect_name, name, effect, "parameter", name, {}, Scales(), {}, units))
+            key, units = f"{effect_name}@{name}", {p.name: p.unit for p in effect.parameters}
+            found.append(Placement(key, effect_name, name, effect, "parameter", name, {}, scales, {}, units))
     for joint, (name, size) in simulator.joint_inertias().items():
         if simulator.get(name) == 0.0 and size > 0.0:
             key, bound = f"added_inertia@{joint}", AddedInertia.narrowed(size=size)

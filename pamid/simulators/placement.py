@@ -131,11 +131,16 @@ class Placement:
         return self.effect().unchecked(**found)
 
     def adjusted(
-        self, made: Effect, p: np.ndarray, parameters: Sequence[str], along: np.ndarray | float = 0.5
-    ) -> np.ndarray:
-        """Return parameters, a row each, as an effect on some of them changes them at shares of a log."""
+        self, made: Effect, p: np.ndarray, parameters: Sequence[str], along: np.ndarray | float = 0.5,
+        since: np.ndarray | float = 0.0,
+    ) -> np.ndarray:  # fmt: skip
+        """Return parameters, a row each, as an effect on some of them changes them.
+
+        They are changed at shares of a log, and at times since the beginning of the run, s.
+        """
         rows = {word: parameters.index(name) for word, name in {"value": self.at, **self.also}.items()}
-        known: dict[str, Any] = {"along": along, **{word: p[row] for word, row in rows.items()}}
+        known: dict[str, Any] = {"along": along, "since": since * self.scales.time}
+        known |= {word: p[row] for word, row in rows.items()}
         out = p.copy()
         for word, value in made.adjust(known).items():
             out[rows[word]] = value

@@ -33,7 +33,7 @@ def played(
     p = np.repeat(np.asarray(numbers, dtype=float)[:, None], n, axis=1)
     for place, made in active:
         if place.enters == "parameter":
-            p = place.adjusted(made, p, list(simulator.parameters), np.arange(n) / max(n - 1, 1))
+            p = place.adjusted(made, p, list(simulator.parameters), np.arange(n) / max(n - 1, 1), t - t[0])
     drive = np.array(u, dtype=float)
     for place, made in active:
         if place.enters == "input" and not place.acts:

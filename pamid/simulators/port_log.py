@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from ..signals.formats import is_measured
 from ..signals.mapping import LogMapping
 from ..signals.stretches import stretches_of
 from .base import Simulator
+from .interpolated import Interpolated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -43,6 +45,8 @@ class PortLog:
     """Rows in which a channel was not read, if any; they are filled by linear interpolation. Shape (n,)."""
     notes: list[str] = field(default_factory=list)
     """Notes for the reader."""
+    between: Mapping[str, Interpolated] = field(default_factory=dict)
+    """Where the rows of a channel lie between its readings, if any were interpolated."""
 
     @property
     def n(self) -> int:
@@ -60,6 +64,11 @@ class PortLog:
         return float(np.median([b - a for a, b in self.spans])) * self.dt
 
     @property
+    def again(self) -> float:
+        """Length of the longest run, s, where there are several; 0 where there is one."""
+        return float(np.max(self.t)) if len(self.starts) > 1 else 0.0
+
+    @property
     def run(self) -> np.ndarray:
         """Number of the run of each row."""
         return np.searchsorted(self.starts, np.arange(self.n), side="right") - 1
@@ -69,7 +78,7 @@ class PortLog:
         """How far each row is along the log, from 0 to 1."""
         return np.arange(self.n) / max(self.n - 1, 1)
 
-    @property
+    @cached_property
     def lost(self) -> np.ndarray:
         """Rows in which something was not read."""
         return np.logical_or.reduce([np.zeros(self.n, dtype=bool), *self.gaps.values()])
@@ -144,14 +153,15 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     dt = float(np.median(np.concatenate([np.diff(t) for _, t, _ in pieces])))
     if any(np.max(np.abs(np.diff(t) - dt)) > _UNEVEN * dt for _, t, _ in pieces):
         notes.append(f"The sampling is uneven: rows were interpolated to steps of {dt:.4g} s.")
-    even = [(name, *_even(t, x, dt)) for name, t, x in pieces]
-    starts = np.concatenate([[0], np.cumsum([len(t) for _, t, _, _ in even])[:-1]]).astype(int)
-    values = np.concatenate([x for _, _, x, _ in even])
-    lost = np.concatenate([gap for *_, gap in even])
+    even = [_even(t, x, dt) for _, t, x in pieces]
+    starts = np.concatenate([[0], np.cumsum([len(run.t) for run in even])[:-1]]).astype(int)
+    values, lost = (np.concatenate(one) for one in ([run.x for run in even], [run.lost for run in even]))
     gaps = {p.name: lost[:, k] for k, p in enumerate(there) if lost[:, k].any()}
     channels = {p.name: np.ascontiguousarray(values[:, k]) for k, p in enumerate(there)}
-    t = np.concatenate([t for _, t, _, _ in even])
-    made = PortLog(channels, t, starts, dt, [name for name, *_ in even], gaps, notes)
+    joined = {p.name: Interpolated.joined([run.between[k] for run in even]) for k, p in enumerate(there)}
+    between = {name: rows for name, rows in joined.items() if rows.interpolated}
+    t = np.concatenate([run.t for run in even])
+    made = PortLog(channels, t, starts, dt, [name for name, *_ in pieces], gaps, notes, between)
     # Others are simulated over stretches, which shows how far the motion goes where a reading ends.
     if simulator.form == "algebraic" or (simulator.form == "ode" and simulator.one_by_one):
         return _without_ends(made, [p.name for p in there if p.kind in ("output", "state")])
@@ -185,21 +195,34 @@ def _runs(log: pd.DataFrame, columns: list[str]) -> list[tuple[str, np.ndarray, 
     return found
 
 
-def _even(t: np.ndarray, x: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a run in even steps without gaps, and the cells that were missing, shape (n, n_columns)."""
+class _Even(NamedTuple):
+    """A run in even steps without gaps."""
+
+    t: np.ndarray
+    x: np.ndarray
+    """Its columns, shape (n, n_columns)."""
+    lost: np.ndarray
+    """Cells that were not read, of the same shape."""
+    between: list[Interpolated]
+    """Where the rows of each column lie between readings."""
+
+
+def _even(t: np.ndarray, x: np.ndarray, dt: float) -> _Even:
+    """Return a run in even steps without gaps."""
     bad = ~np.isfinite(x).all(axis=1)
     even = np.abs(np.diff(t) - dt).max() <= _UNEVEN * dt
     grid = t if even else np.arange(0.0, t[-1] + 1e-9 * dt, dt)
     if even and not bad.any():
-        return grid, x, np.zeros(x.shape, dtype=bool)
-    columns, lost = [], np.zeros((len(grid), x.shape[1]), dtype=bool)
+        return _Even(grid, x, np.zeros(x.shape, dtype=bool), [Interpolated.of(t, column, grid) for column in x.T])
+    columns, lost, between = [], np.zeros((len(grid), x.shape[1]), dtype=bool), []
     for k in range(x.shape[1]):
         known = np.isfinite(x[:, k])
         columns.append(np.interp(grid, t[known], x[known, k]))
         after = np.clip(np.searchsorted(t[known], grid), 1, int(known.sum()) - 1)
         nearest = np.minimum(np.abs(grid - t[known][after - 1]), np.abs(grid - t[known][after]))
         lost[:, k] = nearest > _AWAY * dt
-    return grid, np.column_stack(columns), lost
+        between.append(Interpolated.of(t[known], x[known, k], grid))
+    return _Even(grid, np.column_stack(columns), lost, between)
 
 
 def _bridged(x: np.ndarray, lost: np.ndarray) -> np.ndarray:

@@ -41,6 +41,8 @@ class SignalSizes(NamedTuple):
     """The side of those that read farther on the other one: 1 for an upper end, -1 for a lower one."""
     highs: Mapping[str, float] = MappingProxyType({})
     """Largest value of each state, where that is not its smallest and its range."""
+    again: float = 0.0
+    """Length of the longest run, s, where there are several."""
     links: Sequence[Link] = ()
     """Pairs of ports between which effects can act, whose differences have ranges in `spans`."""
 
@@ -73,6 +75,7 @@ class SignalSizes(NamedTuple):
             tops=largest("tops"),
             lows=lows,
             highs=highs,
+            again=max(s.again for s in each),
             gaps=largest("gaps"),
             readings=list(dict.fromkeys(n for s in each for n in s.readings)),
             ends={k: v for s in reversed(each) for k, v in s.ends.items()},

@@ -14,10 +14,13 @@ from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
 from ..signals.headers import read_header
 from ..signals.log import find_logs, read_log
-from ..signals.mapping import SignalMapping
+from ..signals.mapping import LogMapping, SignalMapping
 from ..signals.mapping_text import mapping_text
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS, dimension_of
+from ..simulators.dimensions import unit_powers
+from ..simulators.port_units import beside_si
+from ..simulators.written_units import in_si
 from . import all_systems
 from .base import Input
 from .bench_page import BENCH_INPUTS, OWN, bench_text
@@ -33,6 +36,12 @@ _STROKE = frozenset(("x", "stroke", "hub", "kolbenhub", "kolbenweg", "piston", "
 def kinds() -> list[str]:
     """Return the kinds that a draft can be made for."""
     return ["bench", *all_systems()]
+
+
+def composed_unit(column: str | int | None) -> str:
+    """Return the unit in a column's name that is made of others, such as kmol/min; empty where there is none."""
+    said = read_header(column).unread if isinstance(column, str) else ""
+    return said if said and in_si(said) else ""
 
 
 @dataclass
@@ -152,6 +161,7 @@ class Draft:
                 Guess(column, signal, unit or None, scale=scale, low=float(head), high=float(head), why="given")
             )
             return
+        unit, scale = self._composed(signal, column, unit, scale)
         gauge = {"gauge": True, "absolute": False}.get(reference)
         name: str | int = str(self.table.frame.columns[position]) if self.table.named else position
         stated = unit or (self._own_unit(name, signal, source) if scale == 1.0 else "")
@@ -163,6 +173,18 @@ class Draft:
             guess = replace(guess, unit=None, scale=scale)
         self._clear(signal)
         self.guesses[position] = replace(guess, sure=guess.sure or bool(stated) or scale != 1.0)
+
+    def _composed(self, signal: str, column: str, unit: str, scale: float) -> tuple[str, float]:
+        """Return a unit and a factor of a simulator's signal, a unit that is made of others as its factor."""
+        said = unit or (composed_unit(column) if scale == 1.0 else "")
+        port = next((i for i in self.ports if i.name == signal), None)
+        made = in_si(said) if said and port is not None and unit_name(said) is None else None
+        if made is None:
+            return unit, scale
+        wanted = in_si(port.unit) if port is not None and port.unit else (1.0, made[1])
+        if wanted is None or unit_powers(wanted[1]) != unit_powers(made[1]):
+            return unit, scale
+        return "", scale * made[0] / wanted[0]
 
     def _check_dimension(self, signal: str, column: str, unit: str, scale: float) -> None:
         """Refuse a column in a unit of something else than the port of a simulator that it is said to be."""
@@ -275,7 +297,11 @@ class Draft:
     def read(self) -> pd.DataFrame:
         """Read the logs with the mapping."""
         checked = not self.ports  # typical values of muscles do not hold for other systems
-        return read_log(self.paths, self.mapping(), nan="keep", sampling="ignore", check_units=checked)
+        mapping: Any = self.mapping()
+        if self.ports:
+            wanted = beside_si((port.name, port.unit) for port in self.ports)
+            mapping = replace(LogMapping.load(mapping), wanted=wanted)
+        return read_log(self.paths, mapping, nan="keep", sampling="ignore", check_units=checked)
 
     def run_names(self) -> list[str]:
         """Return the columns whose values change in long stretches, as the names or numbers of runs do."""

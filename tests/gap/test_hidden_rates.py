@@ -6,6 +6,7 @@ import pytest
 
 import pamid
 from pamid.gap.at_ports import BURIED
+from pamid.gap.residuals.choice import HIDES
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
@@ -49,6 +50,15 @@ def test_noise_that_exceeds_the_rates_of_the_levels_is_no_gap():
     assert pamid.diagnose(tanks_log(9.0, 0), TANKS).verdict == "none"
 
 
+def test_where_a_model_asked_instant_by_instant_cannot_be_predicted_the_reader_is_told(monkeypatch):
+    log = tanks_log(9.0, 0)
+    assert HIDES not in evidence_of(log, TANKS).notes
+    monkeypatch.setattr(EquationSimulator, "one_by_one", True)
+    evidence = evidence_of(log, TANKS)
+    assert HIDES in evidence.notes and not isinstance(evidence, ShootingEvidence)
+    assert HIDES not in evidence_of(tanks_log(9.0, 0, noise=2e-5), TANKS).notes
+
+
 def test_a_gain_undone_in_a_reading_scales_its_noise_but_a_bias_does_not():
     evidence = evidence_of(tanks_log(9.0, 0, noise=2e-5), TANKS)
     assert evidence.scales_noise({"sensor_gain@h1": {"deviation": 0.05}})
@@ -66,7 +76,7 @@ def test_predictions_with_inputs_otherwise_can_be_turned_back():
 
 
 def test_a_gap_smaller_than_the_noise_of_the_equations_is_judged_by_predictions(monkeypatch):
-    monkeypatch.setattr("pamid.gap.residuals.choice.rates_are_hidden", lambda found: False)
+    monkeypatch.setattr("pamid.gap.residuals.choice.PREDICTED_IF", ())
     found = pamid.diagnose(tanks_log(7.2, 3, noise=5e-4), TANKS)
     assert BURIED in found.notes
     assert [(cause.effects, cause.where) for cause in found.causes] == [(("actuator_saturation",), ("pump",))]

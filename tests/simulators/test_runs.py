@@ -125,3 +125,16 @@ def test_whole_runs_without_states_are_fitted_where_they_do_not_follow_the_log()
     y = 3.0 * a + 1e-3 * np.random.default_rng(0).standard_normal(300)
     log = port_log(pd.DataFrame({"trajectory": "run", "time": 0.02 * np.arange(300), "a": a, "y": y}), simulator)
     assert max(ShootingEvidence(log, simulator, refit=True)._without_causes().scales) > 10.0  # the gap is there
+
+
+def test_a_run_that_failed_says_nothing_of_others():
+    def fails(u, p, x0):
+        return [x * np.where(np.max(u["pump"]) > 4.0, np.nan, 1.0) for x in whole(u, p, x0)]
+
+    plain = whole_tanks()
+    evidence = ShootingEvidence(port_log(tank_log(), plain), FunctionSimulator(fails, plain.ports, plain.parameters))
+    about = np.zeros(len(evidence.free))
+    evidence.change({"actuator_gain@pump": {"deviation": 0.4}}, {}, about)
+    small = {"actuator_gain@pump": {"deviation": 0.01}}
+    exact = evidence.z(small) - evidence.z0
+    assert np.linalg.norm(evidence.change(small, {}, about) - exact) < 0.06 * np.linalg.norm(exact)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         check_folder(args.out, FILES, size=_ROOM)
     ported = _has_ports(args)
     simulator = None if ported else any_simulator_of(args)
-    log, doubts = _read(args, _own_names(args) if ported else [])
+    log, doubts = _read(args, _own_units(args) if ported else {})
     with progress(args, "Looking"):
         found = survey(log, simulator)
     if ported:
@@ -98,13 +99,13 @@ def _has_ports(args: argparse.Namespace) -> bool:
     return True
 
 
-def _own_names(args: argparse.Namespace) -> list[str]:
-    """Return the columns that the page of a simulator with ports names; nothing of the simulator runs."""
+def _own_units(args: argparse.Namespace) -> dict[str, str]:
+    """Return the columns that the page of a simulator with ports names, with units; nothing of the simulator runs."""
     from ...simulators.page import MODELS, page_signals
 
     page = Path(args.sim)
     page = page.with_suffix(".toml") if page.suffix.lower() in MODELS else page
-    return list(page_signals(page)) if page.is_file() else []
+    return page_signals(page) if page.is_file() else {}
 
 
 def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
@@ -148,18 +149,18 @@ def _diagnose(args: argparse.Namespace) -> str:
     return shlex.join(["pamid", "diagnose", *args.log, *options])
 
 
-def _read(args: argparse.Namespace, own: list[str]) -> tuple[pd.DataFrame, list[str]]:
+def _read(args: argparse.Namespace, own: dict[str, str]) -> tuple[pd.DataFrame, list[str]]:
     """Read the log; unlike other commands, report doubts about units or clock instead of refusing it."""
     from ...signals import LogMapping
     from ...signals.log import log_settings, read_with_notes
+    from ...simulators.port_units import beside_si
 
+    mapping = replace(LogMapping.load(args.columns, own=list(own)), wanted=beside_si(own.items()))
     nan = "keep" if args.nan == "raise" else args.nan
     check_units, order = True, None
     doubts: list[str] = []
     while True:
-        settings = log_settings(
-            LogMapping.load(args.columns, own=own), nan, "ignore", time_order=order, encoding=args.encoding
-        )
+        settings = log_settings(mapping, nan, "ignore", time_order=order, encoding=args.encoding)
         try:
             log, notes = read_with_notes(args.log, settings, nan=nan, check_units=check_units)
         except (UnitError, PressureReferenceError) as error:

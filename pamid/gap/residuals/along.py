@@ -21,4 +21,6 @@ def changed(p: np.ndarray, place: Placement, made: Any, simulator: Simulator, lo
     """Return parameters as an effect changes them."""
     if not isinstance(made, FIXED):  # otherwise no row has rates of its own
         p = wide(p, log.n)
-    return place.adjusted(made, p, list(simulator.parameters), log.along if p.ndim == 2 else 0.5)
+    if p.ndim == 2:
+        return place.adjusted(made, p, list(simulator.parameters), log.along, log.t)
+    return place.adjusted(made, p, list(simulator.parameters))

@@ -23,6 +23,11 @@ PULLED = (
     "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
     "more runs like these, or filtering the log, do not."
 )
+HIDES = (
+    "Noise in the readings hides slow errors of the rates that the model states: this kind of model is asked instant "
+    "by instant, and simulating it over stretches, in which such errors add up, would take too long. Longer runs, or "
+    "readings with less noise, help."
+)
 BY_POSITION = (
     "The acceleration is derived from {position}, which shows it with less noise than {velocity}; the two are compared "
     "with each other."
@@ -47,11 +52,6 @@ def noise_pulls_together(found: DirectEvidence) -> bool:
     return found.simulator.form == "ode" and found.pulled[1] > LEAST_GAIN
 
 
-PREDICTED_IF = ((sensor_ends, 0, ENDED), (noise_pulls, 0, PULLED), (noise_pulls_together, SHORT, PULLED))
-"""What predictions avoid, the longest stretches that it takes (0: whole runs), and what is said of a simulator for
-which they take too long."""
-
-
 def better_derived(found: DirectEvidence) -> dict[str, str]:
     """Return the logged velocities, by positions, whose noise hides more of an acceleration than the position's."""
     log, better = found.log, dict[str, str]()
@@ -74,14 +74,21 @@ def rates_are_hidden(found: DirectEvidence) -> bool:
     """Return whether the noise of a rate hides slow errors, which add up in predictions.
 
     So it is where a log has too few rows for windows as long as that noise asks for. `motion_is_hidden` judges
-    accelerations, whose errors grow faster in predictions. A simulator that is asked instant by instant would take too
-    long to predict.
+    accelerations, whose errors grow faster in predictions.
     """
     simulator, log = found.simulator, found.log
-    if simulator.form != "ode" or simulator.one_by_one or found.derived or found.n < most_samples(log):
+    if simulator.form != "ode" or found.derived or found.n < most_samples(log):
         return False
     sizes = [rms(found.modelled[b.row, : log.n]) for b in found.balances]
     return any(np.median(found.noise[p]) > HIDDEN * size > 0.0 for p, size in zip(found.parts, sizes, strict=True))
+
+
+PREDICTED_IF = (
+    (rates_are_hidden, 0, HIDES), (sensor_ends, 0, ENDED), (noise_pulls, 0, PULLED),
+    (noise_pulls_together, SHORT, PULLED),
+)  # fmt: skip
+"""What predictions avoid, the longest stretches that it takes (0: whole runs), and what is said of a simulator for
+which they take too long."""
 
 
 def buried(found: DirectEvidence) -> bool:

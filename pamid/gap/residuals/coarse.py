@@ -29,13 +29,21 @@ def noisy_copies(
     found = [(name, slice(a, b), channel_noise(log.channels[name][a:b], n)) for name in readings for a, b in log.spans]
     copies = []
     for _ in range(count):
-        copy = {name: x + sigma[name] * rng.standard_normal(len(x)) for name, x in log.channels.items()}
+        copy = {name: x + _drawn(name, sigma.get(name, 0.0), log, rng) for name, x in log.channels.items()}
         for name, at, noise in found:
             if noise.fixed > 0.0:
                 share = noise.fixed * np.sqrt(12.0) / noise.resolution  # of the error of a step that lasts
                 copy[name][at] += share * error_in_steps(log.channels[name][at], noise, rng)
         copies.append(copy)
     return copies
+
+
+def _drawn(name: str, sigma: float, log: PortLog, rng: np.random.RandomState) -> np.ndarray:
+    """Return white noise of a channel's readings at the rows of a log, and what interpolation misses."""
+    rows, missed = log.between.get(name), log.missed(name)
+    if rows is None:
+        return np.asarray(np.hypot(sigma, missed) * rng.standard_normal(log.n))
+    return np.asarray(sigma * rows.noise(rng) + missed * rng.standard_normal(log.n))
 
 
 def error_in_steps(x: np.ndarray, noise: ChannelNoise, rng: np.random.RandomState) -> np.ndarray:

@@ -34,8 +34,9 @@ class MotionSignals(UndoneEvidence, ABC):
             push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in self.joints}
             gaps = {name: gap * push.get(name, 1.0) for name, gap in gaps.items()}
         return SignalSizes(
-            spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds
-        )
+            spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds,
+            again=log.again,
+        )  # fmt: skip
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""

@@ -31,6 +31,7 @@ def part_of(log: PortLog, rows: int, stretches: int = STRETCHES) -> PortLog:
     return PortLog(
         {k: x[at] for k, x in log.channels.items()}, log.t[at], starts, log.dt, names,
         {k: gap[at] for k, gap in log.gaps.items()}, list(log.notes),
+        {k: rows.at(at) for k, rows in log.between.items()},
     )  # fmt: skip
 
 

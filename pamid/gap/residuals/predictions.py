@@ -79,7 +79,7 @@ class PredictedEvidence(StretchEvidence):
         p = np.repeat(numbers[:, None], log.n, axis=1)
         for place, made in active:
             if place.enters == "parameter":
-                p = place.adjusted(made, p, list(simulator.parameters), log.along)
+                p = place.adjusted(made, p, list(simulator.parameters), log.along, log.t)
             elif place.acts and simulator.form == "run":  # a force there depends on what the log reads
                 u = u.copy()
                 none = np.zeros((0, log.n))
@@ -88,10 +88,12 @@ class PredictedEvidence(StretchEvidence):
 
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
         """Return channels as faulty sensors read them, in place."""
+        ends = np.cumsum([one.shape[1] for one in rows])
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                for one in rows:
-                    one[k] = place.reading(made, one[k], self.log.dt, np.array([0]))
+                read = place.reading(made, np.concatenate([one[k] for one in rows]), self.log.dt, ends - ends[0])
+                for one, found in zip(rows, np.split(read, ends[:-1]), strict=True):
+                    one[k] = found
         return rows
 
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
@@ -357,7 +359,9 @@ class PredictedEvidence(StretchEvidence):
         else:
             return found
         rows = self._ran(x0, drive.u, drive.p)
-        done.append(([c / most for c in changes], [(a - b) / most for a, b in zip(rows, known, strict=True)]))
+        responses = [(a - b) / most for a, b in zip(rows, known, strict=True)]
+        if all(np.all(np.isfinite(one)) for one in responses):  # no other can be superposed of one that failed
+            done.append(([c / most for c in changes], responses))
         return rows
 
     def _slopes(

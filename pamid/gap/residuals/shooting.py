@@ -113,7 +113,8 @@ class ShootingEvidence(PredictedEvidence):
             x, least = self.log.channels[name], self.sigma[name]
             found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
             lengths = [b - a for a, b in self.log.spans]
-            self._readings_noise[name] = min(least, float(np.sqrt(np.average(np.square(found), weights=lengths))))
+            white = float(np.sqrt(np.average(np.square(found), weights=lengths))) / self.shown_of_noise(name)
+            self._readings_noise[name] = min(least, white)
             self.sigma[name] = max(self._readings_noise[name], 1e-4 * float(np.std(x)), 1e-12)
 
     def _with_lines(self) -> np.ndarray:
@@ -207,10 +208,10 @@ class ShootingEvidence(PredictedEvidence):
         return [*on, *read], set(self.simulator.inputs) if read else inputs
 
     def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
-        """Return means over the readings in windows, of a signal that begins at a row of the log."""
-        read = ~self.log.lost[first : first + len(x)]
-        sums, count = (np.concatenate([[0.0], np.cumsum(v)]) for v in (x * read, read))
-        return (sums[rows + self.n] - sums[rows]) / (count[rows + self.n] - count[rows])
+        """Return means over the readings in windows, of signals that begin at a row of the log."""
+        read = ~self.log.lost[first : first + x.shape[-1]]
+        sums, count = (np.cumsum(np.concatenate([v[..., :1] * 0.0, v], axis=-1), axis=-1) for v in (x * read, read))
+        return np.asarray((sums[..., rows + self.n] - sums[..., rows]) / (count[rows + self.n] - count[rows]))
 
     def _influence(self, slopes: list[np.ndarray]) -> list[np.ndarray]:
         """Return how initial states act on the windows of each stretch, shape (n_states, n_shown, n_windows)."""
@@ -223,7 +224,7 @@ class ShootingEvidence(PredictedEvidence):
     def _cut_means(self, x: np.ndarray, k: int) -> np.ndarray:
         """Return means over the windows of a stretch, shape (n_shown, n_windows)."""
         first = self.stretches[k].first
-        return np.stack([self._means(row, self._first[k] - first, first) for row in x])
+        return self._means(x, self._first[k] - first, first)
 
     def _residual(
         self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
@@ -425,7 +426,7 @@ class ShootingEvidence(PredictedEvidence):
         one_sided = {name: end.side for name, end in self.saturated.items() if end.side}
         return SignalSizes(
             spans, tops, lows, sizes, self.shown, self.pushes, self.joints, length, log.dt, self.feeds, ends,
-            one_sided, highs,
+            one_sided, highs, log.again,
         )  # fmt: skip
 
     def _unsure(self) -> list[str]:

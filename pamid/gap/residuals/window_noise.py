@@ -16,7 +16,7 @@ from ..inference.student_t import RobustFit
 from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
-from .jumps import NOTE, jumps, unknown_instants
+from .jumps import NOTE, jumps, off_rows, unknown_instants
 from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
@@ -95,7 +95,16 @@ class WindowNoise(ABC):
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample."""
-        return white_over(self.log.channels[name], self.log.spans, width)
+        return white_over(self.log.channels[name], self.log.spans, width) / self.shown_of_noise(name, width)
+
+    def shown_of_noise(self, name: str, width: int = 10) -> float:
+        """Return the share of the noise of readings that neighbouring rows show, which may be interpolated."""
+        rows = self.log.between.get(name)
+        if rows is None:
+            return 1.0
+        rng = np.random.RandomState(2)
+        shown = [white_over(rows.noise(rng), self.log.spans, width) for _ in range(REPLICATES)]
+        return float(np.sqrt(np.mean(np.square(shown))))
 
     def _noisy(self) -> list[str]:
         """Return the channels that are noisy readings; commands are exact."""
@@ -106,9 +115,8 @@ class WindowNoise(ABC):
         """Estimate the noise of each window from copies of the log with as much noise again."""
         rng = np.random.RandomState(0)
         known = {n: self.channel_noise(n) for n in self._noisy()}
-        sigma = {n: np.hypot(known.get(n, 0.0), self.log.missed(n)) for n in self.log.channels}
         lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
-        self._copies = noisy_copies(REPLICATES, self.log, sigma, lasting, self.n, rng)
+        self._copies = noisy_copies(REPLICATES, self.log, known, lasting, self.n, rng)
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])
         self.noise = np.empty(len(self.value))
         self._drawn, self._unresolved = drawn, self._between()
@@ -182,25 +190,36 @@ class WindowNoise(ABC):
     def time_jumps(self) -> None:
         """Count as noise that jumps of inputs come at unknown instants between two rows, where residuals show it.
 
-        Only a simulator of whole runs says nothing of what it makes of inputs between rows.
+        Only a simulator of whole runs says nothing of what it makes of inputs between rows; where rows were
+        interpolated, no simulator knows.
         """
+        if self.simulator.form != "run" and (self.simulator.form != "ode" or not self.log.between):
+            return
         before = self._without_causes()
-        if self.simulator.form != "run" or not np.any(before.scales > 1.0 + EXCESS):
+        if not np.any(before.scales > 1.0 + EXCESS):
             return
-        jump, noise = jumps(self._u, self.log), self.noise
-        if not np.any(jump):
-            return
-        shown = unknown_instants(jump, lambda change: self._under_inputs(self._u + change), REPLICATES)
-        for unresolved in (np.hypot(self._unresolved, shown), self._unresolved):
+        off, noise = off_rows(self.simulator.inputs, self.log), self.noise
+        known, best, told = self._unresolved, before.loglik + LEAST_GAIN, self._unresolved
+        for jump in (np.zeros_like(off), jumps(self._u, self.log))[: 2 if self.simulator.form == "run" else 1]:
+            if not np.any(jump) and not np.any(off):
+                continue
+            more = unknown_instants(jump, off, lambda change: self._under_inputs(self._u + change), REPLICATES)
+            self._leave_open(np.hypot(known, more))
+            louder = np.log(self.noise / noise)
+            cost = sum(w * np.sum(louder[p]) for w, p in zip(self.weights, self.parts, strict=True))
+            if (gain := self._without_causes().loglik - cost) > best:
+                best, told = gain, self._unresolved
+        self._leave_open(told)
+        if told is not known:
+            self.notes.append(NOTE)
+
+    def _leave_open(self, unresolved: np.ndarray | float) -> None:
+        """Count as noise what is not known of the motion between rows."""
+        if unresolved is not self._unresolved:
             self._unresolved, self.noise = unresolved, np.empty(len(self.value))
             self._level()
             self._correlate()
             self._lay_again()
-            more = np.log(self.noise / noise)
-            louder = sum(w * np.sum(more[p]) for w, p in zip(self.weights, self.parts, strict=True))
-            if self._without_causes().loglik - louder > before.loglik + LEAST_GAIN:
-                self.notes.append(NOTE)
-                break
 
     def _lay_again(self) -> None:
         """Compute white residuals and slopes with noise that has changed."""
