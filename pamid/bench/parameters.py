@@ -333,18 +333,7 @@ class BenchParameters(AnySimulator):
 
     @classmethod
     def for_muscle(cls, name: str) -> Self:
-        """Return the bench of the study with muscle ``"A"``, ``"B"`` or ``"C"``.
-
-        Parameters
-        ----------
-        name : str
-            The muscle.
-
-        Returns
-        -------
-        BenchParameters
-            Its bench, with the tolerances of the study.
-        """
+        """Return the bench of the study with muscle ``"A"``, ``"B"`` or ``"C"``, and the tolerances of the study."""
         if name not in cls.presets:
             raise UnknownOptionError(
                 f"The study has no muscle {name!r}.", "A, B or C", "Read other muscles from a simulator file."
@@ -361,39 +350,18 @@ class BenchParameters(AnySimulator):
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
-        """Read a simulator file.
+        """Read a simulator file, ``sim.toml``, and check it.
 
-        Parameters
-        ----------
-        path : path-like
-            A ``sim.toml``.
-
-        Returns
-        -------
-        BenchParameters
-            What it says, checked.
-
-        Raises
-        ------
-        SimulatorFileError
-            The file is missing, too large, not valid TOML, lacks something, or holds something unknown or implausible.
+        A `SimulatorFileError` says that the file is missing, too large, not valid TOML, lacks something, or holds
+        something unknown or implausible.
         """
         from .simulator_file import read_simulator_file
 
         return read_simulator_file(cls, TABLES, Path(path))
 
     def to_toml(self, path: str | Path) -> None:
-        """Write a simulator file, whole or not at all.
-
-        Parameters
-        ----------
-        path : path-like
-            Where to write it; an existing file is replaced.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written.
+        """Write a simulator file, whole or not at all; an existing one is replaced. An `OutputError` says that it
+        cannot be written.
         """
         from ..files import write_whole
         from .simulator_file import simulator_text
@@ -402,18 +370,10 @@ class BenchParameters(AnySimulator):
         write_whole(Path(path), simulator_text(tables, self.tolerance, self.effects))
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some values changed.
+        """Return a checked copy with some values changed.
 
-        Parameters
-        ----------
-        **changes : float or table
-            Numbers by their name in a simulator file (``inertia=0.021``), whole tables, ``name``, ``tolerance`` or
-            ``effects``.
-
-        Returns
-        -------
-        BenchParameters
-            The changed copy, checked.
+        Numbers go by their name in a simulator file (``inertia=0.021``), beside whole tables, ``name``, ``tolerance``
+        and ``effects``.
         """
         whole: dict[str, Any] = {}
         inner: dict[str, dict[str, Any]] = {}

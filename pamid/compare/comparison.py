@@ -118,25 +118,16 @@ class Comparison:
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the table.
-
-        Returns
-        -------
-        DataFrame
-            One row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
-        """
+        """Return the table: one row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent."""
         found = pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
         found.insert(list(found.columns).index("nrmse") + 1, "fit", [s.fit for s in self.scores])
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the predictions as plain numbers and text.
+        """Return everything but the predictions as plain numbers and text; numbers that are not known are None.
 
-        Returns
-        -------
-        dict
-            ``equation``, ``unit``, ``n_folds``, ``n_runs``, ``n_scored_rows``, ``noise_floor``, ``notes``,
-            ``estimators``; numbers that are not known are None.
+        The keys are ``equation``, ``unit``, ``n_folds``, ``n_runs``, ``n_scored_rows``, ``noise_floor``, ``notes``,
+        ``estimators``.
         """
         return {
             "equation": self.equation,
@@ -175,22 +166,10 @@ class Comparison:
         return "\n".join(line.rstrip() for line in [*text, *self.notes])
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write the table as ``comparison-<equation>.csv`` and ``.json``, each whole or not at all.
+        """Write the table as ``comparison-<equation>.csv`` and ``.json`` into a folder, created if missing; return the
+        files.
 
-        Parameters
-        ----------
-        folder : path-like
-            Where to; created if missing.
-
-        Returns
-        -------
-        list of Path
-            The files.
-
-        Raises
-        ------
-        OutputError
-            If the folder or a file cannot be written.
+        Each is written whole or not at all; an `OutputError` says that the folder or a file cannot be written.
         """
         target = Path(folder)
         data = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)

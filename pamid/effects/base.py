@@ -321,23 +321,10 @@ class Effect(ABC):
         return cls.path_dependent or tuple(cls.roles) == ("position",)
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the memory along the runs of a log.
+        """Return the memory along the runs of a log, shape (n_states, n_samples, ...).
 
-        Parameters
-        ----------
-        s : Signals
-            Arrays with time along the first axis.
-        plant : Plant
-            The bench.
-        dt : float
-            Sampling interval, s.
-        starts : array of int, shape (n_trajectories,)
-            First row of each run, the first being 0; memory starts afresh there.
-
-        Returns
-        -------
-        array, shape (n_states, n_samples, ...)
-            The memory at each sample.
+        Signals have time along the first axis, ``dt`` is the sampling interval in s, and memory starts afresh at the
+        rows ``starts``, of which 0 is the first.
         """
         if not self.n_states:
             return np.zeros((0,))
@@ -387,12 +374,7 @@ class Effect(ABC):
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
         """Return the unknown initial condition of a run: equation, time constant of its decay (s), standard deviation.
 
-        Parameters
-        ----------
-        spans : mapping of str to float
-            Ranges of the log's signals, by role.
-        plant : Plant
-            The plant.
+        ``spans`` are the ranges of the log's signals, by role.
         """
         return ()
 

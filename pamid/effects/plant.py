@@ -80,24 +80,10 @@ class Plant:
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
         temperature: float = TEMPERATURE,
     ) -> Plant:
-        """Return the numbers of a single muscle; those of a valve and a joint, which its effects do not need, are
-        placeholders.
+        """Return the numbers of a single muscle: lengths at rest (m), angle between thread and axis at rest (rad),
+        pressure (Pa, absolute) and temperature (K) of the gas.
 
-        Parameters
-        ----------
-        rest_length, rest_diameter : float
-            Length and diameter at rest, m.
-        braid_angle : float, default=0.436
-            Angle between thread and axis at rest, rad.
-        atmospheric_pressure : float, default=101325
-            Pa, absolute.
-        temperature : float, default=293
-            Of the gas, K.
-
-        Returns
-        -------
-        Plant
-            The numbers.
+        Those of a valve and a joint, which its effects do not need, are placeholders.
         """
         thread = rest_length / math.cos(braid_angle)
         return cls(

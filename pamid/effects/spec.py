@@ -44,19 +44,10 @@ class EffectSpec(NamedTuple):
 
     @classmethod
     def of(cls, entry: EffectLike, in_units: bool = False) -> EffectSpec:
-        """Return an entry of a simulator file with all its parameters, checked.
+        """Return an entry of a simulator file, an effect, or a name with or without parameters, as a checked spec.
 
-        Parameters
-        ----------
-        entry : Effect or str or pair of name and parameters
-            The entry.
-        in_units : bool, default=False
-            Whether parameters are in the file's own units, so that physical ranges in SI do not apply.
-
-        Raises
-        ------
-        SimulatorTypeError, UnknownParameterError, ImplausibleParameterError
-            It is not an effect, its name or a parameter is unknown, or a value is out of range.
+        With ``in_units`` its parameters are in the file's own units, so that physical ranges in SI do not apply. What
+        is no effect, an unknown name or parameter, and a value out of range raise.
         """
         try:
             made = effect_of(entry, in_units)

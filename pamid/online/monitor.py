@@ -190,17 +190,11 @@ class GapMonitor:
         return self.sensors.stuck
 
     def calibrate(self, table: Any) -> Self:
-        """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence.
+        """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence; return
+        itself.
 
-        Parameters
-        ----------
-        table : DataFrame
-            Columns ``eps``, ``deps``, ``P``, ``dP`` and the measured ``F`` and ``mdot``; a minute or more.
-
-        Returns
-        -------
-        GapMonitor
-            Itself.
+        The table has the columns ``eps``, ``deps``, ``P``, ``dP`` and the measured ``F`` and ``mdot``, a minute or
+        more.
         """
         state, measured = self._columns(table)
         n = len(state.eps)
@@ -244,17 +238,9 @@ class GapMonitor:
         return np.array(out[1:])
 
     def update(self, table: Any) -> list[Finding]:
-        """Take the next samples, in their order.
+        """Take the next samples, in their order; return the alarms raised in them, at most one per block and equation.
 
-        Parameters
-        ----------
-        table : DataFrame
-            As for `calibrate`, with ``time`` (s) for the findings if there is one.
-
-        Returns
-        -------
-        list of Finding
-            Alarms raised in these samples, at most one per block and equation.
+        The table is as for `calibrate`, with ``time`` (s) for the findings if there is one.
         """
         if not self.calibrated:
             raise ParameterError(

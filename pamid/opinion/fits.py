@@ -73,22 +73,10 @@ class FittedParameters:
     source: str = ""
 
     def of(self, simulator: Simulator) -> Self:
-        """Return the fit by the names of a simulator's numbers.
+        """Return the fit by the names of a simulator's numbers, with `unmatched`, the names that match none.
 
-        Parameters
-        ----------
-        simulator : Simulator
-            The simulator; of a fitted model, the numbers that differ from this one's are those fitted.
-
-        Returns
-        -------
-        FittedParameters
-            With `unmatched`, the names that match none.
-
-        Raises
-        ------
-        ParameterError
-            None of the names matches.
+        Of a fitted model, the numbers that differ from this simulator's are those fitted. A `ParameterError` says that
+        none of the names matches.
         """
         if self.model is not None:
             return self._of_model(simulator)

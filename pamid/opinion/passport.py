@@ -100,15 +100,7 @@ class Passport:
 
     @classmethod
     def of(cls, opinion: Opinion, log: str = "") -> Self:
-        """Return the passport that an opinion gives.
-
-        Parameters
-        ----------
-        opinion : Opinion
-            The opinion.
-        log : str, default=""
-            Name of its log.
-        """
+        """Return the passport that an opinion gives, with the name of its log."""
         numbers = {j.name: Entry(j.value, *j.ci90, j.unit, j.status, j.fitted) for j in opinion.numbers}
         agreement = None if np.isnan(opinion.agreement) else opinion.agreement
         flat = [dict(f.weights) for f in opinion.flat]
@@ -116,26 +108,10 @@ class Passport:
 
     # --- another log ----------------------------------------------------------------------------------------
     def check(self, log: pd.DataFrame, simulator: Simulator, name: str) -> Self:
-        """Return the passport, checked on another rig's log.
+        """Return the passport with one more `RigCheck`, on another rig's log under a name.
 
-        Parameters
-        ----------
-        log : DataFrame
-            The other log.
-        simulator : Simulator
-            The simulator, its missing effects among it where there were any (``corrected.toml``).
-        name : str
-            What to call the log.
-
-        Returns
-        -------
-        Passport
-            With one more `RigCheck`.
-
-        Raises
-        ------
-        ParameterError
-            The passport names no number that a fit could move, or one that the simulator does not have.
+        The simulator has its missing effects, where there were any (``corrected.toml``). A `ParameterError` says that
+        the passport names no number that a fit could move, or one that the simulator does not have.
         """
         from scipy.stats import norm
 
@@ -178,13 +154,7 @@ class Passport:
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Return the passport of a file.
-
-        Raises
-        ------
-        SimulatorNotFoundError, SimulatorSyntaxError
-            It cannot be read, or is not a passport.
-        """
+        """Return the passport of a file; raise a `SimulatorFileError` where it cannot be read or is not a passport."""
         return cls._of(read_toml(path, "a passport", _ERRORS))
 
     @classmethod

@@ -81,33 +81,15 @@ class ResidualTestDisplay:
     def from_predictions(
         cls, y: Any, predicted: Any, inputs: Any, *, groups: Any = None, lags: int = 25, interval: float = 1.0
     ) -> Self:
-        """Test what predictions leave.
+        """Test what predictions leave, with signals that may explain it as a mapping or DataFrame.
 
-        Parameters
-        ----------
-        y, predicted : array_like, shape (n_samples,)
-            Measured and predicted target.
-        inputs : mapping of str to array_like, or DataFrame
-            Signals that may explain what is left.
-        groups, lags, interval : optional
-            As for `from_estimator`.
-
-        Returns
-        -------
-        ResidualTestDisplay
-            To be drawn with ``plot``.
+        The other parameters are those of `from_estimator`.
         """
         error = np.asarray(y, dtype=float) - np.asarray(predicted, dtype=float)
         return cls(residual_test(error, dict(inputs), groups, lags=lags, interval=interval))
 
     def plot(self) -> Self:
-        """Draw in a new figure.
-
-        Returns
-        -------
-        ResidualTestDisplay
-            With the attributes ``figure_`` and ``axes_``.
-        """
+        """Draw in a new figure; return itself, with the attributes ``figure_`` and ``axes_``."""
         test, names = self.test, list(self.test.cross)
         with style():
             self.figure_: Figure

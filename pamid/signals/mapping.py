@@ -84,21 +84,10 @@ class SignalMapping:
 
     @classmethod
     def from_value(cls, signal: str, value: Any, own: bool = False) -> Self:
-        """Build from a column's name or position, or from a table of settings.
+        """Build from a column's name or position, or from a table of settings, and check.
 
-        Parameters
-        ----------
-        signal : str
-            Name of the signal, for messages and to check the unit's dimension.
-        value : str, int, mapping or SignalMapping
-            The settings.
-        own : bool, default=False
-            Whether a unit of another quantity than the name's is a sign that the name is a simulator's own.
-
-        Returns
-        -------
-        SignalMapping
-            The checked settings.
+        The name of the signal serves messages and the check of its unit; with ``own`` a unit of another quantity than
+        the name's is a sign that the name is a simulator's own.
         """
         if isinstance(value, cls):
             mapping = value
@@ -148,18 +137,7 @@ class SignalMapping:
             raise MappingError(f"{signal}.range is {list(self.range)}.", "[lowest, highest]", "Correct it.")
 
     def si_unit(self, signal: str) -> Unit | None:
-        """Look up the unit, checked against the signal's quantity.
-
-        Parameters
-        ----------
-        signal : str
-            Name of the signal.
-
-        Returns
-        -------
-        Unit or None
-            None where no unit is given: the source is SI.
-        """
+        """Return the unit, checked against the signal's quantity; None where none is given: the source is SI."""
         if self.unit is None:
             return None
         if self.own:
@@ -173,18 +151,7 @@ class SignalMapping:
         return dimension_of(signal) if self.source == "value" else "length"
 
     def is_gauge(self, signal: str) -> bool:
-        """Return whether the source is gauge pressure.
-
-        Parameters
-        ----------
-        signal : str
-            Name of the signal.
-
-        Returns
-        -------
-        bool
-            From `gauge`, else from the unit, else from the signal's name.
-        """
+        """Return whether the source is gauge pressure: by `gauge`, else the unit, else the signal's name."""
         unit = self.si_unit(signal)
         if self.gauge is not None:
             return self.gauge
@@ -215,18 +182,7 @@ class FileConstants:
     constants: Mapping[str, float | str]
 
     def matches(self, path: str | Path) -> bool:
-        """Return whether a file's name matches.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of a log file.
-
-        Returns
-        -------
-        bool
-            Whether its name, or its whole path after some folder, matches the pattern.
-        """
+        """Return whether a file's name, or its whole path after some folder, matches the pattern."""
         name = Path(path).as_posix()
         return fnmatch.fnmatchcase(Path(path).name, self.match) or fnmatch.fnmatchcase(name, f"*/{self.match}")
 
@@ -391,18 +347,7 @@ class LogMapping:
         return "trajectory" if self.trajectory is None else self.trajectory
 
     def constants_of(self, path: str | Path) -> dict[str, float]:
-        """Collect the constants of one file, in SI.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the log file.
-
-        Returns
-        -------
-        dict of str to float
-            Constants of every file, overridden by those of each matching pattern.
-        """
+        """Return the constants of one file, in SI: those of each matching pattern override those of every file."""
         constants = dict(self.constants)
         for entry in self.files:
             if entry.matches(path):

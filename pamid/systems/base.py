@@ -99,19 +99,8 @@ class Quantity(NamedTuple):
     hint: str = ""
 
     def checked(self, value: Any, kind: str) -> float | str:
-        """Return a value of the file in SI; raise if it is invalid.
-
-        Parameters
-        ----------
-        value : float or str
-            A number in SI, a text with a unit such as ``"25 mm"``, or ``"fit"``.
-        kind : str
-            Kind of the system, for messages.
-
-        Returns
-        -------
-        float or str
-            The number, or ``"fit"``.
+        """Return a value of the file, a number in SI, a text such as ``"25 mm"`` or ``"fit"``, in SI or as ``"fit"``;
+        raise if it is invalid, with the kind of the system.
         """
         if value == FIT and self.may_fit:
             return FIT
@@ -286,13 +275,7 @@ class System(Simulator, ABC):
         return out
 
     def require(self, log: pd.DataFrame) -> None:
-        """Raise if a log lacks a signal that the system needs.
-
-        Raises
-        ------
-        MissingColumnError
-            If it does.
-        """
+        """Raise a `MissingColumnError` if a log lacks a signal that the system needs."""
         lacking = [i for i in self.signals if i.needed and i.name not in log.columns]
         if lacking:
             has = ", ".join(str(c) for c in log.columns[:20])
@@ -377,21 +360,8 @@ class System(Simulator, ABC):
     def problem(self, log: pd.DataFrame) -> Problem:
         """Return the measured and the modelled side, its effects included, and the signals that effects may follow.
 
-        Parameters
-        ----------
-        log : DataFrame
-            Tidy log; rows with missing values are left out. A column `pamid.simulators.problem.COUNTS` says which rows
-            count.
-
-        Returns
-        -------
-        Problem
-            One equation, ready for a diagnosis.
-
-        Raises
-        ------
-        EmptyLogError
-            The log has no row.
+        Rows with missing values are left out; a column `pamid.simulators.problem.COUNTS` says which rows count. A log
+        without a row raises an `EmptyLogError`.
         """
         known = log[["time", *(s.name for s in self.signals if s.name in log.columns)]].notna().all(axis=1).to_numpy()
         share, log = known.mean() if len(known) else 1.0, log[known].reset_index(drop=True)
@@ -423,18 +393,7 @@ class System(Simulator, ABC):
 
     @abstractmethod
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
-        """Return the measured side, the modelled one without effects, and the signals that effects may follow.
-
-        Parameters
-        ----------
-        log : DataFrame
-            Tidy log.
-
-        Returns
-        -------
-        Problem
-            One equation, ready for a diagnosis.
-        """
+        """Return the measured side, the modelled one without effects, and the signals that effects may follow."""
 
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:

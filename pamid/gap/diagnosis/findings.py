@@ -327,24 +327,10 @@ class Closure:
     allowed: str = ""
 
     def closed_by(self, rmse: float) -> float:
-        """Return the share of the gap that is closed where an error is left.
+        """Return the share of the explainable mean square, 0 to 1, that is closed where a root mean square error is
+        left.
 
-        Parameters
-        ----------
-        rmse : float
-            Root mean square of the error, in `unit`.
-
-        Returns
-        -------
-        float
-            Share of the explainable mean square, 0 to 1; `closed_share` where nothing is explainable.
-
-        Examples
-        --------
-        >>> from pamid.gap import Closure
-        >>> force = Closure("force", 5.0, 1.0, 0.0, closed_share=0.96, ci90=(0.9, 1.0))
-        >>> round(force.closed_by(2.0), 2)
-        0.84
+        It is `closed_share` where nothing is explainable.
         """
         room = self.rmse_before**2 - self.noise_floor**2
         return min(max((self.rmse_before**2 - rmse**2) / room, 0.0), 1.0) if room > 0.0 else self.closed_share
