@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..errors import (
     MissingParameterError,
@@ -12,20 +12,15 @@ from ..errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
+from ..explained import explained_fields
 from .base import Effect
 from .registry import all_effects, make_effect
 from .values import Parameter
 
 
+@explained_fields
 class EffectSpec(NamedTuple):
     """Name and parameters of an effect.
-
-    Parameters
-    ----------
-    name : str
-        Name of the effect.
-    values : dict of str to float
-        Its parameters by name.
 
     Examples
     --------
@@ -39,8 +34,8 @@ class EffectSpec(NamedTuple):
     conductance = 1e-10  # m^3/(s Pa)
     """
 
-    name: str
-    values: dict[str, float]
+    name: Annotated[str, "Name of the effect."]
+    values: Annotated[dict[str, float], "Its parameters by name."]
 
     @classmethod
     def of(cls, entry: EffectLike, in_units: bool = False) -> EffectSpec:

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 
 from ..effects.plant import Plant
 from ..effects.spec import effect_of
 from ..errors import EmptyLogError, MissingColumnError, ParameterError
+from ..explained import explained_fields
 from ..laws.base import Law
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
@@ -26,24 +27,10 @@ WILD = 30.0
 """Times the noise beyond which a sample is wild."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Finding:
     """What a monitor has found.
-
-    Parameters
-    ----------
-    effect : str
-        The effect that explains the change best, or ``"unknown"`` where the residual grew and none does.
-    equation : str
-        The equation in which it appeared.
-    time : float
-        When the alarm was raised, s.
-    strength : float
-        Evidence over its threshold, above one.
-    value : float
-        Estimate of the effect's parameter, in its own unit; NaN if unknown.
-    unit : str
-        Its unit.
 
     Examples
     --------
@@ -53,12 +40,14 @@ class Finding:
     'leakage after 22.4 s: 5e-11 m^3/(s Pa)'
     """
 
-    effect: str
-    equation: str
-    time: float
-    strength: float
-    value: float
-    unit: str
+    effect: Annotated[
+        str, 'The effect that explains the change best, or ``"unknown"`` where the residual grew and none does.'
+    ]
+    equation: Annotated[str, "The equation in which it appeared."]
+    time: Annotated[float, "When the alarm was raised, s."]
+    strength: Annotated[float, "Evidence over its threshold, above one."]
+    value: Annotated[float, "Estimate of the effect's parameter, in its own unit; NaN if unknown."]
+    unit: Annotated[str, "Its unit."]
 
 
 class _Watch:

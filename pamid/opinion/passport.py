@@ -6,12 +6,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 
 from ..errors import ParameterError, SimulatorFileError, SimulatorNotFoundError, SimulatorSyntaxError
+from ..explained import explained_fields
 from ..file_sets import replacing_together
 from ..names import refuse_others
 from ..simulators import Simulator
@@ -60,26 +61,10 @@ class RigCheck:
     """Signals that leave the range on which the passport holds."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Passport:
     """Numbers of a simulator with what a log says about them.
-
-    Parameters
-    ----------
-    numbers : dict of str to Entry
-        By name.
-    ranges : dict of str to (float, float)
-        Range of each signal of the log.
-    flat : list of dict
-        Directions that the log leaves open: relative weights by name.
-    agreement : float
-        Probability that the numbers differ as much between its runs by chance; NaN of one run.
-    missing : list of str
-        Effects that the simulator lacked.
-    log : str
-        Name of the log.
-    rigs : list of RigCheck
-        Other logs that it was checked on.
 
     Examples
     --------
@@ -90,13 +75,17 @@ class Passport:
     True
     """
 
-    numbers: dict[str, Entry]
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    flat: list[dict[str, float]] = field(default_factory=list)
-    agreement: float | None = None
-    missing: list[str] = field(default_factory=list)
-    log: str = ""
-    rigs: list[RigCheck] = field(default_factory=list)
+    numbers: Annotated[dict[str, Entry], "By name."]
+    ranges: Annotated[dict[str, tuple[float, float]], "Range of each signal of the log."] = field(default_factory=dict)
+    flat: Annotated[list[dict[str, float]], "Directions that the log leaves open: relative weights by name."] = field(
+        default_factory=list
+    )
+    agreement: Annotated[
+        float | None, "Probability that the numbers differ as much between its runs by chance; NaN of one run."
+    ] = None
+    missing: Annotated[list[str], "Effects that the simulator lacked."] = field(default_factory=list)
+    log: Annotated[str, "Name of the log."] = ""
+    rigs: Annotated[list[RigCheck], "Other logs that it was checked on."] = field(default_factory=list)
 
     @classmethod
     def of(cls, opinion: Opinion, log: str = "") -> Self:

@@ -1,27 +1,24 @@
 """Whether a residual is white and unrelated to inputs, as a picture."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from ..compare.whiteness import ResidualTest, residual_test
+from ..explained import explained_fields
 from .style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class ResidualTestDisplay:
     """Autocorrelation of a residual, and its correlation with each input, with their bands.
 
     What leaves a band is orange: before lag 0 it is feedback to that input, from lag 0 on an influence that the model
     lacks.
-
-    Parameters
-    ----------
-    test : ResidualTest
-        What `pamid.compare.residual_test` found.
 
     Attributes
     ----------
@@ -44,7 +41,7 @@ class ResidualTestDisplay:
     2
     """
 
-    test: ResidualTest
+    test: Annotated[ResidualTest, "What `pamid.compare.residual_test` found."]
 
     @classmethod
     def from_estimator(

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ from ..errors import (
     MissingParameterError,
     SimulatorTypeError,
 )
+from ..explained import explained_fields
 from ..face import AnySimulator
 from ..files import write_whole
 from ..names import REMOVE, refuse_others, require_one_of
@@ -34,19 +35,9 @@ FIT = "fit"
 """Instead of a number: it is fitted to the log."""
 
 
+@explained_fields
 class Input(NamedTuple):
     """A signal of a system's log.
-
-    Parameters
-    ----------
-    name : str
-        Its name in a tidy log.
-    unit : str
-        SI unit.
-    meaning : str
-        What it is, for somebody who sees the word for the first time.
-    needed : bool, default=True
-        Whether the system cannot do without.
 
     Examples
     --------
@@ -55,31 +46,15 @@ class Input(NamedTuple):
     True
     """
 
-    name: str
-    unit: str
-    meaning: str
-    needed: bool = True
+    name: Annotated[str, "Its name in a tidy log."]
+    unit: Annotated[str, "SI unit."]
+    meaning: Annotated[str, "What it is, for somebody who sees the word for the first time."]
+    needed: Annotated[bool, "Whether the system cannot do without."] = True
 
 
+@explained_fields
 class Quantity(NamedTuple):
     """A number of a system's page.
-
-    Parameters
-    ----------
-    name : str
-        Its name in the file.
-    unit : str
-        SI unit, ``"-"`` for a plain number.
-    lower, upper : float
-        Plausible range.
-    meaning : str
-        What it is.
-    default : float or None, default=None
-        Value where the user gives none; None: it has to be given.
-    may_fit : bool, default=False
-        Whether ``"fit"`` may stand instead of a number.
-    hint : str, default=""
-        What a value out of range probably is.
 
     Examples
     --------
@@ -89,14 +64,14 @@ class Quantity(NamedTuple):
     'bore: 0.002 to 0.5 m'
     """
 
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    meaning: str
-    default: float | str | None = None
-    may_fit: bool = False
-    hint: str = ""
+    name: Annotated[str, "Its name in the file."]
+    unit: Annotated[str, 'SI unit, ``"-"`` for a plain number.']
+    lower: Annotated[float, "Plausible range."]
+    upper: Annotated[float, "Plausible range."]
+    meaning: Annotated[str, "What it is."]
+    default: Annotated[float | str | None, "Value where the user gives none; None: it has to be given."] = None
+    may_fit: Annotated[bool, 'Whether ``"fit"`` may stand instead of a number.'] = False
+    hint: Annotated[str, "What a value out of range probably is."] = ""
 
     def checked(self, value: Any, kind: str) -> float | str:
         """Return a value of the file, a number in SI, a text such as ``"25 mm"`` or ``"fit"``, in SI or as ``"fit"``;
