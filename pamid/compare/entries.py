@@ -72,8 +72,8 @@ def candidates(
         ``deps``, ``P``, ``dP``.
     parameters : mapping of str to float, optional
         Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
-        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ... With it and ``supply_pressure`` (Pa) inverse models
-        answer between the two, else within the pressures of their fit.
+        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ...; ``BenchParameters.values()`` will do. With ambient
+        pressure and ``supply_pressure`` (Pa) inverse models answer between the two, else within those of their fit.
     targets : sequence of str, optional
         Measured columns at hand; an estimator that learns force and flow together takes part only if both are
         measured. By default that of the equation alone.

@@ -96,7 +96,7 @@ def prepare(
     equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is compared.
     rows : array_like of bool, shape (n_rows,), optional
-        Rows that count; the others serve only to take rates from.
+        Rows that count, such as those in which a muscle is not slack; the others serve only to take rates from.
     score_rows : int, default=50000
         Maximum number of rows scored.
     tuning : "auto", float or sequence of float, default="auto"
