@@ -2,15 +2,16 @@
 
 ``@parameters`` makes a class a dataclass whose fields are the parameters of its constructor. A parameter or an
 attribute that its own docstring leaves out is explained by the nearest base that has an entry for it, a parameter of a
-function by the functions that ``@explained_by`` names; ``default=`` follows from the signature. ``help()`` and the site
-show the whole.
+function by the functions that ``@explained_by`` names, a field of a record that is ``@explained_fields`` beside its
+type; ``default=`` follows from the signature. ``help()`` and the site show the whole.
 """
 
+import ast
 import inspect
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Self, TypeVar, dataclass_transform
+from dataclasses import MISSING, dataclass, field
+from typing import Any, ForwardRef, Self, TypeVar, dataclass_transform
 
 ORDER = (
     "Parameters", "Attributes", "Methods", "Returns", "Yields", "Raises", "Warns", "Warnings", "See Also", "Notes",
@@ -75,6 +76,42 @@ def explained_by(*others: Any) -> Callable[[F], F]:
         return function
 
     return explained
+
+
+def explained_fields(cls: type[T]) -> type[T]:
+    """Explain the fields of a record by the text beside their types, ``share: Annotated[float, "Of the gap."]``."""
+    known: dict[str, Any] = getattr(cls, "__dataclass_fields__", {})
+    start: Any = cls.__init__ if known else cls.__new__
+    told = {name: _parted(annotation) for name, annotation in inspect.get_annotations(cls).items()}
+    cls.__annotations__ = {name: kind for name, (kind, _) in told.items()}
+    start.__annotations__ = {name: _parted(annotation)[0] for name, annotation in start.__annotations__.items()}
+    alike: dict[tuple[str, str], list[str]] = {}
+    for name, (kind, text) in told.items():
+        made = known[name].default_factory if name in known else MISSING
+        if name in known:
+            known[name].type = kind
+        shown = kind if isinstance(kind, str) else re.sub(r"[\w.]+\.(?=\w)", "", inspect.formatannotation(kind))
+        if text:
+            alike.setdefault((f"{shown}{'' if made is MISSING else ', optional'}", text), []).append(name)
+    doc, own = Docstring(cls.__doc__), Docstring(None)
+    own.sections["Parameters"] = "\n".join(f"{', '.join(n)} : {kind}\n    {text}" for (kind, text), n in alike.items())
+    bases = [Docstring(base.__doc__) for base in bases_of(cls)]
+    doc.take("Parameters", [own, *bases], list(inspect.signature(cls).parameters.values()))
+    cls.__doc__ = str(doc)
+    return cls
+
+
+def _parted(annotation: Any) -> tuple[Any, str]:
+    """Return the type that an annotation states, and the text beside it."""
+    annotation = annotation.__forward_arg__ if isinstance(annotation, ForwardRef) else annotation
+    if not isinstance(annotation, str):
+        beside = getattr(annotation, "__metadata__", ())
+        return (annotation.__origin__, beside[0]) if beside else (annotation, "")
+    if not annotation.startswith("Annotated["):
+        return annotation, ""
+    both: Any = ast.parse(annotation, mode="eval").body
+    kind, text = both.slice.elts
+    return ast.unparse(kind), str(ast.literal_eval(text))
 
 
 def bases_of(cls: type) -> list[type]:

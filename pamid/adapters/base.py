@@ -1,9 +1,11 @@
 """What an adapter is: a few parameters psi that expand to all parameters of the network."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol, runtime_checkable
+from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
+
+from ..explained import explained_fields
 
 Arrays = list[Any]
 """Weights and biases in turn, ``[W1, c1, W2, c2, ...]``, numpy arrays or torch tensors; never altered in place."""
@@ -55,16 +57,10 @@ class Adapter(Protocol):
         ...
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Bound:
     """An adapter on its source, as a trainer takes it (`pamid.training.reparametrisation`).
-
-    Parameters
-    ----------
-    adapter : Adapter
-        The adapter.
-    source : list of arrays
-        Parameters of the source network, of the kind and on the device of the training.
 
     Examples
     --------
@@ -78,8 +74,8 @@ class Bound:
     4.0
     """
 
-    adapter: Adapter
-    source: Arrays
+    adapter: Annotated[Adapter, "The adapter."]
+    source: Annotated[Arrays, "Parameters of the source network, of the kind and on the device of the training."]
 
     def expand(self, psi: Arrays) -> Arrays:
         """Return the network's parameters."""

@@ -14,11 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.linalg import LinAlgError, cho_factor, cho_solve
 from scipy.optimize import minimize
 
+from ..explained import explained_fields
 from ..fitting.held_out import left_of_blocks
 
 ROWS = 1000
@@ -39,20 +41,10 @@ OPTIONS = {"maxiter": 100, "ftol": 1e-4}
 JITTER = 1e-8
 
 
+@explained_fields
 @dataclass(frozen=True)
 class SourceRows:
     """What a process reads of some samples.
-
-    Parameters
-    ----------
-    source : ndarray, shape (n_samples,)
-        The source's prediction, in the target's unit.
-    state : ndarray, shape (n_samples, 2)
-        Contraction and pressure (Pa, absolute).
-    factors : ndarray, shape (n_samples, n_factors)
-        Coefficients of the law that read the volume and its derivatives; columns of zeros left out.
-    rates : ndarray, shape (n_samples, 2)
-        Rates of contraction (1/s) and pressure (Pa/s).
 
     Examples
     --------
@@ -63,36 +55,24 @@ class SourceRows:
     array([1., 1.])
     """
 
-    source: np.ndarray
-    state: np.ndarray
-    factors: np.ndarray
-    rates: np.ndarray
+    source: Annotated[np.ndarray, "The source's prediction, in the target's unit; shape (n_samples,)."]
+    state: Annotated[np.ndarray, "Contraction and pressure (Pa, absolute); shape (n_samples, 2)."]
+    factors: Annotated[
+        np.ndarray,
+        "Coefficients of the law that read the volume and its derivatives; columns of zeros left out; shape "
+        "(n_samples, n_factors).",
+    ]
+    rates: Annotated[np.ndarray, "Rates of contraction (1/s) and pressure (Pa/s); shape (n_samples, 2)."]
 
     def at(self, index: np.ndarray | slice) -> SourceRows:
         """Return some of the samples."""
         return SourceRows(self.source[index], self.state[index], self.factors[index], self.rates[index])
 
 
+@explained_fields
 @dataclass(frozen=True)
 class SourceProcess:
     """A Gaussian process on a source's prediction and the state, conditioned on the samples of a target.
-
-    Parameters
-    ----------
-    units : ndarray, shape (6 + n_factors,)
-        Units of target, source, contraction, pressure and both rates, then of the factors.
-    centre : ndarray, shape (2,)
-        Mean contraction and pressure.
-    points : ndarray, shape (n_points, 2)
-        States of the samples, in units of their spread.
-    strengths : ndarray, shape (n_points, 1 + n_factors)
-        Source and factors at the samples, in their units.
-    alpha : ndarray, shape (n_points,)
-        Weights of the samples.
-    logs : ndarray, shape (7 + n_factors,)
-        Logarithms of a_s, a_0, both lengths, σ and both b, then of the a of the factors.
-    seen : ndarray, shape (2, 4)
-        Least and greatest contraction, pressure and rates of the samples.
 
     Examples
     --------
@@ -105,13 +85,21 @@ class SourceProcess:
     True
     """
 
-    units: np.ndarray
-    centre: np.ndarray
-    points: np.ndarray
-    strengths: np.ndarray
-    alpha: np.ndarray
-    logs: np.ndarray
-    seen: np.ndarray
+    units: Annotated[
+        np.ndarray,
+        "Units of target, source, contraction, pressure and both rates, then of the factors; shape (6 + n_factors,).",
+    ]
+    centre: Annotated[np.ndarray, "Mean contraction and pressure; shape (2,)."]
+    points: Annotated[np.ndarray, "States of the samples, in units of their spread; shape (n_points, 2)."]
+    strengths: Annotated[
+        np.ndarray, "Source and factors at the samples, in their units; shape (n_points, 1 + n_factors)."
+    ]
+    alpha: Annotated[np.ndarray, "Weights of the samples; shape (n_points,)."]
+    logs: Annotated[
+        np.ndarray,
+        "Logarithms of a_s, a_0, both lengths, σ and both b, then of the a of the factors; shape (7 + n_factors,).",
+    ]
+    seen: Annotated[np.ndarray, "Least and greatest contraction, pressure and rates of the samples; shape (2, 4)."]
 
     @classmethod
     def fit(

@@ -2,14 +2,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from ..explained import explained_fields
 from .kinematics import contraction
 from .parameters import BenchParameters
 from .references import PERIOD, Trajectory
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Controller:
     r"""PD control at 1 kHz around a nominal pressure.
@@ -23,23 +26,6 @@ class Controller:
     over the flow that the open valve would pass, saturated at ±1. The gains follow from the bench by pole placement,
     so that one setting serves all muscles.
 
-    Parameters
-    ----------
-    pressure : float, default=2e5
-        Nominal pressure p₀ of both muscles, Pa gauge.
-    bandwidth : float, default=42
-        Natural frequency of the controlled joint, rad/s.
-    damping : float, default=0.8
-        Damping ratio of the controlled joint.
-    pressure_time : float, default=8e-3
-        Time constant of the pressure loops, s.
-    lowest : float, default=3e4
-        Least desired pressure, Pa gauge: the muscles stay taut.
-    margin : float, default=5e4
-        Least distance of the desired pressure from supply, Pa.
-    forward : float, default=1
-        Share f of the pressure that holds the joint at the reference angle.
-
     Examples
     --------
     >>> from pamid.bench import BenchParameters, Controller, simulate, sine
@@ -49,13 +35,13 @@ class Controller:
     200
     """
 
-    pressure: float = 2e5
-    bandwidth: float = 42.0
-    damping: float = 0.8
-    pressure_time: float = 8e-3
-    lowest: float = 3e4
-    margin: float = 5e4
-    forward: float = 1.0
+    pressure: Annotated[float, "Nominal pressure p₀ of both muscles, Pa gauge."] = 200000.0
+    bandwidth: Annotated[float, "Natural frequency of the controlled joint, rad/s."] = 42.0
+    damping: Annotated[float, "Damping ratio of the controlled joint."] = 0.8
+    pressure_time: Annotated[float, "Time constant of the pressure loops, s."] = 0.008
+    lowest: Annotated[float, "Least desired pressure, Pa gauge: the muscles stay taut."] = 30000.0
+    margin: Annotated[float, "Least distance of the desired pressure from supply, Pa."] = 50000.0
+    forward: Annotated[float, "Share f of the pressure that holds the joint at the reference angle."] = 1.0
 
 
 def joint_at_rest(params: BenchParameters, pressure: float) -> tuple[float, float]:

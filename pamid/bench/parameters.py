@@ -10,12 +10,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..effects import Effect, EffectSpec
 from ..effects.plant import Plant
 from ..errors import ImplausibleParameterError, SimulatorTypeError, UnknownOptionError, UnknownParameterError
+from ..explained import explained_fields
 from ..face import AnySimulator
 from ..names import require_one_of
 
@@ -64,35 +65,27 @@ def check_number(
     return number
 
 
+@explained_fields
 @dataclass(frozen=True)
 class MuscleParameters:
     r"""Geometry of one muscle; both muscles of the bench are alike.
-
-    Parameters
-    ----------
-    name : str
-        What the muscle is called.
-    rest_length : float
-        L₀, m.
-    rest_diameter : float
-        D₀, m.
-    braid_angle : float
-        θ₀ at rest, between thread and axis, rad.
-    initial_contraction : float
-        ε₀ at joint angle 0, dimensionless.
 
     Examples
     --------
     >>> muscle = MuscleParameters("B", rest_length=0.2, rest_diameter=0.02, braid_angle=0.436, initial_contraction=0.12)
     """
 
-    name: str
-    rest_length: float = _quantity("m", 0.005, 5.0, "Lengths are in m: a muscle of 200 mm has 0.2.")
-    rest_diameter: float = _quantity("m", 0.0005, 0.3, "Diameters are in m: a muscle of 20 mm has 0.02.")
-    braid_angle: float = _quantity(
+    name: Annotated[str, "What the muscle is called."]
+    rest_length: Annotated[float, "L₀, m."] = _quantity(
+        "m", 0.005, 5.0, "Lengths are in m: a muscle of 200 mm has 0.2."
+    )
+    rest_diameter: Annotated[float, "D₀, m."] = _quantity(
+        "m", 0.0005, 0.3, "Diameters are in m: a muscle of 20 mm has 0.02."
+    )
+    braid_angle: Annotated[float, "θ₀ at rest, between thread and axis, rad."] = _quantity(
         "rad", 0.02, _LOCKED_ANGLE - 0.01, "Angles are in rad: 25 degrees is 0.436.", "at rest"
     )
-    initial_contraction: float = _quantity(
+    initial_contraction: Annotated[float, "ε₀ at joint angle 0, dimensionless."] = _quantity(
         "-", -0.3, 0.4, "The contraction is a ratio: 12 % is 0.12.", "at joint angle 0"
     )
 
@@ -127,20 +120,10 @@ class MuscleParameters:
         return 1 - 1 / (math.sqrt(3) * math.cos(self.braid_angle))
 
 
+@explained_fields
 @dataclass(frozen=True)
 class GasParameters:
     """The gas and the pressures around the muscle.
-
-    Parameters
-    ----------
-    heat_capacity_ratio : float
-        γ, dimensionless.
-    gas_constant : float
-        R, J/(kg K).
-    temperature : float
-        T, K.
-    atmospheric_pressure, supply_pressure : float
-        Pa, absolute.
 
     Examples
     --------
@@ -148,21 +131,25 @@ class GasParameters:
     293.0
     """
 
-    heat_capacity_ratio: float = _quantity(
+    heat_capacity_ratio: Annotated[float, "γ, dimensionless."] = _quantity(
         "-", 1.0, 1.7, "Air has 1.4, an isothermal chamber 1.", default=HEAT_CAPACITY_RATIO
     )
-    gas_constant: float = _quantity("J/(kg K)", 50.0, 5000.0, "Air has 287 J/(kg K), not 0.287.", default=GAS_CONSTANT)
-    temperature: float = _quantity("K", 150.0, 600.0, "Temperatures are in K: 20 °C is 293.", default=TEMPERATURE)
-    atmospheric_pressure: float = _quantity(
+    gas_constant: Annotated[float, "R, J/(kg K)."] = _quantity(
+        "J/(kg K)", 50.0, 5000.0, "Air has 287 J/(kg K), not 0.287.", default=GAS_CONSTANT
+    )
+    temperature: Annotated[float, "T, K."] = _quantity(
+        "K", 150.0, 600.0, "Temperatures are in K: 20 °C is 293.", default=TEMPERATURE
+    )
+    atmospheric_pressure: Annotated[float, "Pa, absolute."] = _quantity(
         "Pa",
-        30_000.0,
-        120_000.0,
+        30000.0,
+        120000.0,
         "Pressures are absolute, in Pa: 1 bar is 100000.",
         "absolute",
         default=ATMOSPHERIC_PRESSURE,
     )
-    supply_pressure: float = _quantity(
-        "Pa", 30_000.0, 5e6, "Pressures are absolute, in Pa: 6 bar gauge is 700000.", "absolute", default=700_000.0
+    supply_pressure: Annotated[float, "Pa, absolute."] = _quantity(
+        "Pa", 30000.0, 5000000.0, "Pressures are absolute, in Pa: 6 bar gauge is 700000.", "absolute", default=700000.0
     )
 
     def __post_init__(self) -> None:
@@ -176,18 +163,10 @@ class GasParameters:
             )
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ValveParameters:
     """The servo valve of each muscle, by ISO 6358.
-
-    Parameters
-    ----------
-    sonic_conductance : float
-        C at full opening, m³/(s Pa).
-    critical_pressure_ratio : float
-        b_c, dimensionless.
-    reference_density : float
-        ρ₀, kg/m³.
 
     Examples
     --------
@@ -195,37 +174,37 @@ class ValveParameters:
     0.35
     """
 
-    sonic_conductance: float = _quantity(
-        "m^3/(s Pa)", 1e-12, 1e-5, "1 dm³/(s bar) is 1e-8 m³/(s Pa).", "at full opening"
+    sonic_conductance: Annotated[float, "C at full opening, m³/(s Pa)."] = _quantity(
+        "m^3/(s Pa)", 1e-12, 1e-05, "1 dm³/(s bar) is 1e-8 m³/(s Pa).", "at full opening"
     )
-    critical_pressure_ratio: float = _quantity("-", 0.0, 0.9, "Valves have 0.1 to 0.5.", default=0.35)
-    reference_density: float = _quantity("kg/m^3", 0.05, 10.0, "Air has 1.185 kg/m³.", default=REFERENCE_DENSITY)
+    critical_pressure_ratio: Annotated[float, "b_c, dimensionless."] = _quantity(
+        "-", 0.0, 0.9, "Valves have 0.1 to 0.5.", default=0.35
+    )
+    reference_density: Annotated[float, "ρ₀, kg/m³."] = _quantity(
+        "kg/m^3", 0.05, 10.0, "Air has 1.185 kg/m³.", default=REFERENCE_DENSITY
+    )
 
     def __post_init__(self) -> None:
         _check_table(self, "valve")
 
 
+@explained_fields
 @dataclass(frozen=True)
 class JointParameters:
     """The joint that both muscles turn.
-
-    Parameters
-    ----------
-    pulley_radius : float
-        r, m.
-    inertia : float
-        J, kg m².
-    viscous_damping : float
-        b_q, N m s/rad.
 
     Examples
     --------
     >>> joint = JointParameters(pulley_radius=0.04, inertia=0.02, viscous_damping=0.08)  # m, kg m², N m s/rad
     """
 
-    pulley_radius: float = _quantity("m", 0.001, 1.0, "Radii are in m: 40 mm is 0.04.")
-    inertia: float = _quantity("kg m^2", 1e-6, 100.0, "Inertia is in kg m²: 200 kg cm² is 0.02.")
-    viscous_damping: float = _quantity("N m s/rad", 0.0, 100.0, "Damping is in N m s/rad.")
+    pulley_radius: Annotated[float, "r, m."] = _quantity("m", 0.001, 1.0, "Radii are in m: 40 mm is 0.04.")
+    inertia: Annotated[float, "J, kg m²."] = _quantity(
+        "kg m^2", 1e-06, 100.0, "Inertia is in kg m²: 200 kg cm² is 0.02."
+    )
+    viscous_damping: Annotated[float, "b_q, N m s/rad."] = _quantity(
+        "N m s/rad", 0.0, 100.0, "Damping is in N m s/rad."
+    )
 
     def __post_init__(self) -> None:
         _check_table(self, "joint")
@@ -333,18 +312,7 @@ class BenchParameters(AnySimulator):
 
     @classmethod
     def for_muscle(cls, name: str) -> Self:
-        """Return the bench of the study with muscle ``"A"``, ``"B"`` or ``"C"``.
-
-        Parameters
-        ----------
-        name : str
-            The muscle.
-
-        Returns
-        -------
-        BenchParameters
-            Its bench, with the tolerances of the study.
-        """
+        """Return the bench of the study with muscle ``"A"``, ``"B"`` or ``"C"``, and the tolerances of the study."""
         if name not in cls.presets:
             raise UnknownOptionError(
                 f"The study has no muscle {name!r}.", "A, B or C", "Read other muscles from a simulator file."
@@ -361,39 +329,18 @@ class BenchParameters(AnySimulator):
 
     @classmethod
     def from_toml(cls, path: str | Path) -> Self:
-        """Read a simulator file.
+        """Read a simulator file, ``sim.toml``, and check it.
 
-        Parameters
-        ----------
-        path : path-like
-            A ``sim.toml``.
-
-        Returns
-        -------
-        BenchParameters
-            What it says, checked.
-
-        Raises
-        ------
-        SimulatorFileError
-            The file is missing, too large, not valid TOML, lacks something, or holds something unknown or implausible.
+        A `SimulatorFileError` says that the file is missing, too large, not valid TOML, lacks something, or holds
+        something unknown or implausible.
         """
         from .simulator_file import read_simulator_file
 
         return read_simulator_file(cls, TABLES, Path(path))
 
     def to_toml(self, path: str | Path) -> None:
-        """Write a simulator file, whole or not at all.
-
-        Parameters
-        ----------
-        path : path-like
-            Where to write it; an existing file is replaced.
-
-        Raises
-        ------
-        OutputError
-            The file cannot be written.
+        """Write a simulator file, whole or not at all; an existing one is replaced. An `OutputError` says that it
+        cannot be written.
         """
         from ..files import write_whole
         from .simulator_file import simulator_text
@@ -402,18 +349,10 @@ class BenchParameters(AnySimulator):
         write_whole(Path(path), simulator_text(tables, self.tolerance, self.effects))
 
     def replace(self, **changes: Any) -> Self:
-        """Return a copy with some values changed.
+        """Return a checked copy with some values changed.
 
-        Parameters
-        ----------
-        **changes : float or table
-            Numbers by their name in a simulator file (``inertia=0.021``), whole tables, ``name``, ``tolerance`` or
-            ``effects``.
-
-        Returns
-        -------
-        BenchParameters
-            The changed copy, checked.
+        Numbers go by their name in a simulator file (``inertia=0.021``), beside whole tables, ``name``, ``tolerance``
+        and ``effects``.
         """
         whole: dict[str, Any] = {}
         inner: dict[str, dict[str, Any]] = {}

@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 
 from ..errors import ParameterError
-from ..explained import explained_by
+from ..explained import explained_by, explained_fields
 
 PERIOD = 1e-3
 """Control and sampling period, s."""
@@ -15,24 +16,10 @@ LEAD = 0.6
 """Time before the recorded window, s: long enough for the transient of the start to fade."""
 
 
+@explained_fields
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """One run: the reference angle, sample by sample, and the controller's other inputs.
-
-    Parameters
-    ----------
-    name : str
-        Name of the run in the log.
-    q_ref : array, shape (n_samples,)
-        Wanted joint angle, rad, lead-in included.
-    lead : int, default=0
-        Samples at the start that are not recorded.
-    pressure_offset : array, shape (n_samples,), optional
-        Added to the nominal pressure of both muscles, Pa.
-    share : tuple of float, default=(1, 1)
-        How much of the differential pressure each muscle takes; (2, 0) leaves muscle 2 at constant pressure.
-    sealed : array of bool, shape (n_samples,), optional
-        Where both valves are shut.
 
     Examples
     --------
@@ -43,12 +30,17 @@ class Trajectory:
     400
     """
 
-    name: str
-    q_ref: np.ndarray
-    lead: int = 0
-    pressure_offset: np.ndarray | None = None
-    share: tuple[float, float] = (1.0, 1.0)
-    sealed: np.ndarray | None = field(default=None)
+    name: Annotated[str, "Name of the run in the log."]
+    q_ref: Annotated[np.ndarray, "Wanted joint angle, rad, lead-in included; shape (n_samples,)."]
+    lead: Annotated[int, "Samples at the start that are not recorded."] = 0
+    pressure_offset: Annotated[
+        np.ndarray | None, "Added to the nominal pressure of both muscles, Pa; shape (n_samples,)."
+    ] = None
+    share: Annotated[
+        tuple[float, float],
+        "How much of the differential pressure each muscle takes; (2, 0) leaves muscle 2 at constant pressure.",
+    ] = (1.0, 1.0)
+    sealed: Annotated[np.ndarray | None, "Where both valves are shut; shape (n_samples,)."] = field(default=None)
 
     def __post_init__(self) -> None:
         n = len(self.q_ref)

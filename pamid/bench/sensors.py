@@ -3,20 +3,17 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
+from ..explained import explained_fields
 
+
+@explained_fields
 @dataclass(frozen=True)
 class Sensor:
     """Noise and resolution of one channel.
-
-    Parameters
-    ----------
-    noise : float, default=0
-        Standard deviation of white Gaussian noise, unit of the channel.
-    resolution : float, default=0
-        Step of the converter, unit of the channel; 0 for none.
 
     Examples
     --------
@@ -26,8 +23,8 @@ class Sensor:
     array([10., 10.])
     """
 
-    noise: float = 0.0
-    resolution: float = 0.0
+    noise: Annotated[float, "Standard deviation of white Gaussian noise, unit of the channel."] = 0.0
+    resolution: Annotated[float, "Step of the converter, unit of the channel; 0 for none."] = 0.0
 
     def read(self, values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Return the sensor's readings of the true ``values``."""

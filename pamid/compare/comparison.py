@@ -5,12 +5,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 
 from ..errors import UnknownOptionError
+from ..explained import explained_fields
 from ..file_sets import replacing_together
 from ..files import write_whole
 from ..json_data import json_ready
@@ -56,30 +57,10 @@ class Score:
         return 100.0 * (1.0 - self.nrmse)
 
 
+@explained_fields
 @dataclass
 class Comparison:
     """Estimators of one equation, scored on runs unseen by their fits; the best comes first.
-
-    Parameters
-    ----------
-    equation : str
-        ``"force"``, ``"flow"``, ``"inverse"`` or ``"dynamic"``.
-    unit : str
-        Unit of the target.
-    scores : list of Score
-        One per estimator, by increasing error; those that failed last.
-    rows : DataFrame
-        The scored rows: ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and ``measured``.
-    predictions : dict of str to ndarray, shape (n_scored_rows,)
-        Held-out prediction of each estimator on these rows.
-    fitted : dict of str to estimator
-        Each estimator as the first fold fitted it.
-    noise_floor : float
-        Root mean square error that sensor noise alone would leave with a perfect model; NaN if not known.
-    n_folds, n_runs : int
-        How many.
-    notes : list of str
-        What was done to the data.
 
     Examples
     --------
@@ -92,16 +73,23 @@ class Comparison:
     (True, 'N')
     """
 
-    equation: str
-    unit: str
-    scores: list[Score]
-    rows: pd.DataFrame
-    predictions: dict[str, np.ndarray]
-    fitted: dict[str, Any]
-    noise_floor: float
-    n_folds: int
-    n_runs: int
-    notes: list[str] = field(default_factory=list)
+    equation: Annotated[str, '``"force"``, ``"flow"``, ``"inverse"`` or ``"dynamic"``.']
+    unit: Annotated[str, "Unit of the target."]
+    scores: Annotated[list[Score], "One per estimator, by increasing error; those that failed last."]
+    rows: Annotated[
+        pd.DataFrame,
+        "The scored rows: ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and ``measured``.",
+    ]
+    predictions: Annotated[
+        dict[str, np.ndarray], "Held-out prediction of each estimator on these rows; shape (n_scored_rows,)."
+    ]
+    fitted: Annotated[dict[str, Any], "Each estimator as the first fold fitted it."]
+    noise_floor: Annotated[
+        float, "Root mean square error that sensor noise alone would leave with a perfect model; NaN if not known."
+    ]
+    n_folds: Annotated[int, "How many."]
+    n_runs: Annotated[int, "How many."]
+    notes: Annotated[list[str], "What was done to the data."] = field(default_factory=list)
 
     @property
     def best(self) -> Score:
@@ -118,25 +106,16 @@ class Comparison:
         )
 
     def to_frame(self) -> pd.DataFrame:
-        """Return the table.
-
-        Returns
-        -------
-        DataFrame
-            One row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent.
-        """
+        """Return the table: one row per estimator, the columns of `Score` but its warnings, and ``fit`` in per cent."""
         found = pd.DataFrame([asdict(s) for s in self.scores]).drop(columns="warnings")
         found.insert(list(found.columns).index("nrmse") + 1, "fit", [s.fit for s in self.scores])
         return found
 
     def to_dict(self) -> dict[str, Any]:
-        """Return everything but the predictions as plain numbers and text.
+        """Return everything but the predictions as plain numbers and text; numbers that are not known are None.
 
-        Returns
-        -------
-        dict
-            ``equation``, ``unit``, ``n_folds``, ``n_runs``, ``n_scored_rows``, ``noise_floor``, ``notes``,
-            ``estimators``; numbers that are not known are None.
+        The keys are ``equation``, ``unit``, ``n_folds``, ``n_runs``, ``n_scored_rows``, ``noise_floor``, ``notes``,
+        ``estimators``.
         """
         return {
             "equation": self.equation,
@@ -175,22 +154,10 @@ class Comparison:
         return "\n".join(line.rstrip() for line in [*text, *self.notes])
 
     def write(self, folder: str | Path) -> list[Path]:
-        """Write the table as ``comparison-<equation>.csv`` and ``.json``, each whole or not at all.
+        """Write the table as ``comparison-<equation>.csv`` and ``.json`` into a folder, created if missing; return the
+        files.
 
-        Parameters
-        ----------
-        folder : path-like
-            Where to; created if missing.
-
-        Returns
-        -------
-        list of Path
-            The files.
-
-        Raises
-        ------
-        OutputError
-            If the folder or a file cannot be written.
+        Each is written whole or not at all; an `OutputError` says that the folder or a file cannot be written.
         """
         target = Path(folder)
         data = json.dumps(self.to_dict(), indent=2, ensure_ascii=False, allow_nan=False)

@@ -4,9 +4,10 @@ import fnmatch
 import inspect
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 from ..errors import IncompatibleError, ParameterError, UnknownOptionError, among
+from ..explained import explained_fields
 from ..requirements import is_sequential, reads_of
 
 EQUATIONS = {"force": ("F", "N"), "flow": ("mdot", "kg/s")}
@@ -25,22 +26,10 @@ SIGNALS = ("eps", "deps", "P", "dP")
 """Columns that an estimator is offered which does not say what it reads."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class CandidateModel:
     """One estimator in one setting.
-
-    Parameters
-    ----------
-    label : str
-        Name in tables, such as ``"GeometricForce(tondu_lopez)"``.
-    estimator : estimator
-        Unfitted instance.
-    columns : tuple of str
-        Columns of the table that it is given.
-    targets : tuple of str
-        Columns of its target.
-    sequential : bool
-        Whether it learns from the sequence of samples, and must see them evenly spaced.
 
     Examples
     --------
@@ -50,11 +39,13 @@ class CandidateModel:
     'Chou'
     """
 
-    label: str
-    estimator: Any
-    columns: tuple[str, ...]
-    targets: tuple[str, ...]
-    sequential: bool = False
+    label: Annotated[str, 'Name in tables, such as ``"GeometricForce(tondu_lopez)"``.']
+    estimator: Annotated[Any, "Unfitted instance."]
+    columns: Annotated[tuple[str, ...], "Columns of the table that it is given."]
+    targets: Annotated[tuple[str, ...], "Columns of its target."]
+    sequential: Annotated[bool, "Whether it learns from the sequence of samples, and must see them evenly spaced."] = (
+        False
+    )
 
 
 def candidates(
@@ -81,8 +72,8 @@ def candidates(
         ``deps``, ``P``, ``dP``.
     parameters : mapping of str to float, optional
         Values for parameters of this name in any constructor: ``rest_length`` (m), ``rest_diameter`` (m),
-        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ... With it and ``supply_pressure`` (Pa) inverse models
-        answer between the two, else within the pressures of their fit.
+        ``braid_angle`` (rad), ``atmospheric_pressure`` (Pa), ...; ``BenchParameters.values()`` will do. With ambient
+        pressure and ``supply_pressure`` (Pa) inverse models answer between the two, else within those of their fit.
     targets : sequence of str, optional
         Measured columns at hand; an estimator that learns force and flow together takes part only if both are
         measured. By default that of the equation alone.

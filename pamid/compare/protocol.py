@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,7 @@ from ..errors import (
     ShortTrajectoryError,
     TooFewTrajectoriesError,
 )
+from ..explained import explained_fields
 from .entries import EQUATIONS, OUTPUTS, START, target_of
 from .timing import flow_steps, held_share
 
@@ -33,35 +34,10 @@ _COMMANDS = ("u", "load")
 """Columns that drive a free run and are handed on where a table has them."""
 
 
+@explained_fields
 @dataclass
 class Prepared:
     """A table that every candidate can read, and the use of each of its rows.
-
-    Parameters
-    ----------
-    table : DataFrame
-        ``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and the measured sides, as they are learnt
-        and scored.
-    equation : str
-        The equation.
-    target : str
-        Column of its measured side.
-    runs : ndarray of object, shape (n_rows,)
-        Run of each row; folds and intervals keep runs together.
-    usable : ndarray of bool, shape (n_rows,)
-        Rows that may be learnt from and scored.
-    even : ndarray of int
-        Every k-th row of each run, the spacing at which everything is scored.
-    cutoffs : dict of str to float
-        Cut-off frequency of the rate of each signal, Hz, where rates were taken here.
-    smoothed : bool
-        Whether the target was smoothed like the pressure.
-    source : DataFrame
-        The table before it was averaged over windows; the same one if it was not.
-    window : float
-        Length of the windows, s; 0 if there are none.
-    notes : list of str
-        What a reader of the result should know.
 
     Examples
     --------
@@ -73,17 +49,23 @@ class Prepared:
     ('F', 800)
     """
 
-    table: pd.DataFrame
-    equation: str
-    target: str
-    runs: np.ndarray
-    usable: np.ndarray
-    even: np.ndarray
-    cutoffs: dict[str, float]
-    smoothed: bool
-    source: pd.DataFrame
-    window: float
-    notes: list[str]
+    table: Annotated[
+        pd.DataFrame,
+        "``trajectory``, ``run``, ``time``, ``eps``, ``deps``, ``P``, ``dP`` and the measured sides, as they are "
+        "learnt and scored.",
+    ]
+    equation: Annotated[str, "The equation."]
+    target: Annotated[str, "Column of its measured side."]
+    runs: Annotated[np.ndarray, "Run of each row; folds and intervals keep runs together; shape (n_rows,)."]
+    usable: Annotated[np.ndarray, "Rows that may be learnt from and scored; shape (n_rows,)."]
+    even: Annotated[np.ndarray, "Every k-th row of each run, the spacing at which everything is scored."]
+    cutoffs: Annotated[
+        dict[str, float], "Cut-off frequency of the rate of each signal, Hz, where rates were taken here."
+    ]
+    smoothed: Annotated[bool, "Whether the target was smoothed like the pressure."]
+    source: Annotated[pd.DataFrame, "The table before it was averaged over windows; the same one if it was not."]
+    window: Annotated[float, "Length of the windows, s; 0 if there are none."]
+    notes: Annotated[list[str], "What a reader of the result should know."]
 
     @property
     def measured(self) -> tuple[str, ...]:
@@ -114,7 +96,7 @@ def prepare(
     equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is compared.
     rows : array_like of bool, shape (n_rows,), optional
-        Rows that count; the others serve only to take rates from.
+        Rows that count, such as those in which a muscle is not slack; the others serve only to take rates from.
     score_rows : int, default=50000
         Maximum number of rows scored.
     tuning : "auto", float or sequence of float, default="auto"

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from ..errors import FitError, IncompatibleError, InterruptedFitWarning, PamidError, ParameterError
+from ..explained import explained_by
 from ..requirements import is_sequential, parameter_count, reads_of
 from ..signals.thinning import spaced
 from .bootstrap import ClusterBootstrap
@@ -25,6 +26,7 @@ FLOOR_ROWS = 2000
 """Rows at which the sensitivities for the noise floor are taken."""
 
 
+@explained_by(prepare, candidates)
 def compare(
     table: pd.DataFrame,
     equation: str = "force",
@@ -60,30 +62,12 @@ def compare(
     equation : {"force", "flow", "inverse", "dynamic"}, default="force"
         What is predicted: a force (N), a mass flow (kg/s), the pressure (Pa) for a force and a contraction, or an
         output in free run from its first value.
-    estimators : "all", sequence of str, or mapping of str to estimator, default="all"
-        Which, see `pamid.compare.candidates`.
     cv : int or splitter, default=5
         Folds of whole runs.
     split : {"run", "kind"}, default="run"
         ``"kind"`` leaves out whole kinds of runs (the first part of their names) in turn.
-    rows : array_like of bool, shape (n_rows,), optional
-        Rows that count, such as those in which a muscle is not slack.
     fit_rows : int, default=5000
         Maximum number of rows of a fit.
-    score_rows : int, default=50000
-        Maximum number of rows scored.
-    parameters : mapping of str to float, optional
-        Geometry and gas for all estimators that take them: ``rest_length`` (m), ``rest_diameter`` (m),
-        ``atmospheric_pressure`` (Pa), ...; ``BenchParameters.values()`` will do.
-    tuning : "auto", float or sequence of float, default="auto"
-        Cut-off frequency of the rates, Hz.
-    method : {"savgol", "spline", "kalman"}, default="savgol"
-        Method of the rates.
-    smooth_target : bool, optional
-        Whether the measured side goes through the pressure's filter, too. By default a flow without windows does.
-    window : float or "auto", default="auto"
-        Length of windows over which everything is averaged, s; 0 for none. ``"auto"`` is 0.02 for a flow, 0.01
-        for a free run.
     n_draws : int, default=2000
         Draws of the bootstrap over runs.
     random_state : int, default=0

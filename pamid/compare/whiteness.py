@@ -3,43 +3,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ..errors import ShapeError, ShortTrajectoryError
+from ..explained import explained_fields
 
 _LEAST = 4  # rows of a run for each lag looked at, at least
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ResidualTest:
     """Correlations of a residual with itself and with inputs, with the bands that chance alone would keep to.
-
-    Parameters
-    ----------
-    lags : ndarray of int, shape (n_lags + 1,)
-        Lags of the autocorrelation, rows, from 0.
-    auto : ndarray, shape (n_lags + 1,)
-        Autocorrelation of the residual, 1 at lag 0.
-    auto_band : float
-        Half width of its band: a white residual stays within at each lag with probability `level`.
-    cross_lags : ndarray of int, shape (2 n_lags + 1,)
-        Lags of the cross-correlations; at positive ones the residual comes after the input.
-    cross : dict of str to ndarray, shape (2 n_lags + 1,)
-        Correlation of the residual with each input.
-    cross_band : dict of str to float
-        Half width of the band of a residual that is independent of the input, given the colour of both.
-    p_white : float
-        Probability of as much autocorrelation in a white residual (Ljung-Box).
-    p_input : dict of str to float
-        Probability of as much correlation at lags 0 and above with an input that has no influence.
-    interval : float
-        Time between rows, s.
-    level : float
-        Probability of the bands at each lag.
-    n_rows : int
-        Rows used.
 
     Examples
     --------
@@ -51,17 +28,27 @@ class ResidualTest:
     (1.0, True)
     """
 
-    lags: np.ndarray
-    auto: np.ndarray
-    auto_band: float
-    cross_lags: np.ndarray
-    cross: dict[str, np.ndarray]
-    cross_band: dict[str, float]
-    p_white: float
-    p_input: dict[str, float]
-    interval: float
-    level: float
-    n_rows: int
+    lags: Annotated[np.ndarray, "Lags of the autocorrelation, rows, from 0; shape (n_lags + 1,)."]
+    auto: Annotated[np.ndarray, "Autocorrelation of the residual, 1 at lag 0; shape (n_lags + 1,)."]
+    auto_band: Annotated[
+        float, "Half width of its band: a white residual stays within at each lag with probability `level`."
+    ]
+    cross_lags: Annotated[
+        np.ndarray,
+        "Lags of the cross-correlations; at positive ones the residual comes after the input; shape (2 n_lags + 1,).",
+    ]
+    cross: Annotated[dict[str, np.ndarray], "Correlation of the residual with each input; shape (2 n_lags + 1,)."]
+    cross_band: Annotated[
+        dict[str, float],
+        "Half width of the band of a residual that is independent of the input, given the colour of both.",
+    ]
+    p_white: Annotated[float, "Probability of as much autocorrelation in a white residual (Ljung-Box)."]
+    p_input: Annotated[
+        dict[str, float], "Probability of as much correlation at lags 0 and above with an input that has no influence."
+    ]
+    interval: Annotated[float, "Time between rows, s."]
+    level: Annotated[float, "Probability of the bands at each lag."]
+    n_rows: Annotated[int, "Rows used."]
 
     def outside(self, name: str | None = None) -> int:
         """Return how many lags leave the band: of the autocorrelation, or of an input from lag 0 on."""

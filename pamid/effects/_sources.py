@@ -42,6 +42,7 @@ R. Isermann, "Fault-Diagnosis Systems", Springer, 2006. https://doi.org/10.1007/
 """Sources, one a paragraph."""
 _UNITS = {"-": "dimensionless", "m^3": "m³", "m^3/(s Pa)": "m³/(s Pa)", "N s^2": "N s²"}
 """How units are written for a reader."""
+_POWERS = {-1: "", -2: "squared ", -3: "cubed "}
 
 
 def explain(effect: type[Any]) -> None:
@@ -51,8 +52,7 @@ def explain(effect: type[Any]) -> None:
     law = next((head for head in laws if ".. math::" in head), "")
     if "math::" not in doc.head:  # that of the law, wherever it acts
         doc.head += law[law.find("\n\n") :] if law else ""
-    said = [f"``{q.name}`` {q.description} ({_UNITS.get(q.unit, q.unit)})" for q in effect.parameters]
-    doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(said)}.")
+    doc.sections.setdefault("Parameters", f"**values : float\n    {'; '.join(map(_told, effect.parameters))}.")
     if cited := [entry for entry in SHARED.strip().split("\n\n") if effect.source and effect.source in entry]:
         doc.sections.setdefault("References", cited[0])
     home, made, first = "pamid.effects", "make_effect", f'"{effect.name}", '
@@ -61,3 +61,14 @@ def explain(effect: type[Any]) -> None:
     example = f">>> {made}({first}{p.name}={p.nominal:g})\n{effect()!r}"
     doc.sections.setdefault("Examples", f">>> from {home} import {made}\n{example}")
     effect.__doc__ = str(doc)
+
+
+def _told(p: Any) -> str:
+    """Return what a parameter is: its symbol, meaning and unit."""
+    unit = _UNITS.get(p.unit, p.unit)
+    if p.position > 0:
+        unit = f"unit of the position{' per s' if p.unit == '1/s' else ''}"
+    elif p.position < 0 and not p.periods:
+        unit += f" per {_POWERS[p.position]}unit of the position"
+    known = "; only for logs, a simulation knows it" if p.before else ""
+    return f"``{p.name}`` {p.symbol}{', ' if p.symbol else ''}{p.description} ({unit}{known})"

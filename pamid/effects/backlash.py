@@ -44,11 +44,6 @@ class Backlash(_LostMotion):
         \Delta F = \frac{P - P_\mathrm{atm}}{L_0}\,\big(V'(y) - V'(\varepsilon)\big), \qquad
         \Delta\dot m = \frac{\dot P\,(V(y) - V(\varepsilon))}{\gamma R T} +
         \frac{P\,(V'(y)\,\dot y - V'(\varepsilon)\,\dot\varepsilon)}{R T}
-
-    Parameters
-    ----------
-    **values : float
-        ``half_width`` w (unit of the position).
     """
 
     name = "backlash"
@@ -59,7 +54,7 @@ class Backlash(_LostMotion):
     sampled = False
     path_dependent = True
     least_difference = 1e-9  # the driven side is engaged where it stands at an end of the play, up to rounding
-    half_width = parameter("-", 0.0, 0.1, 2e-3, "half the play", position=1)
+    half_width = parameter("-", 0.0, 0.1, 2e-3, "half the play", position=1, symbol="w")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the tension at the driven side's contraction less that at the joint's, N."""
@@ -80,16 +75,11 @@ class ActuatorBacklash(_LostMotion, OfCommand):
     r"""Lost motion in a gear or linkage of the actuator.
 
     .. math:: u' = \mathrm{play}_w(u)
-
-    Parameters
-    ----------
-    **values : float
-        ``half_width`` w (unit of the command).
     """
 
     name = "actuator_backlash"
     kinds = ("motor",)
-    half_width = parameter("-", 0.0, 0.5, 0.03, "half the play")
+    half_width = parameter("-", 0.0, 0.5, 0.03, "half the play", symbol="w")
 
 
 class OutputBacklash(_LostMotion, OfForce):
@@ -100,11 +90,6 @@ class OutputBacklash(_LostMotion, OfForce):
     This is a gear's play, or a position controller of low gain k against dry friction :math:`F_c`, for which w is
     :math:`F_c / k`: the joint sticks until the control error overcomes the friction. Each run begins at its first
     reading.
-
-    Parameters
-    ----------
-    **values : float
-        ``half_width`` w (unit of the reading).
 
     Examples
     --------
@@ -120,7 +105,7 @@ class OutputBacklash(_LostMotion, OfForce):
     equations = ("joint",)
     kinds = ("joint", "motor")
     prior = -4.0  # friction at the joint is equivalent for a drive that pushes with a force
-    half_width = parameter("N", 0.0, 1e3, 1.0, "half the play")
+    half_width = parameter("N", 0.0, 1e3, 1.0, "half the play", symbol="w")
 
 
 class Play(Effect):

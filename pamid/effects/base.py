@@ -32,11 +32,12 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from operator import attrgetter
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
 from ..errors import ParameterError, UnknownParameterError
+from ..explained import explained_fields
 from ..names import refuse_others
 from ..signals.paths import Path
 from ..signals.state import STATE_ROLES, Array, State
@@ -55,24 +56,10 @@ KINDS = ("bench", "muscle", "actuator", "joint", "motor", "gas")
 the torque of a joint or the voltage of its motor, of a flow."""
 
 
+@explained_fields
 @dataclass(slots=True)
 class Signals:
     """Signals by role, arrays of one shape (or shapes that broadcast); what an effect does not need stays None.
-
-    Parameters
-    ----------
-    time : array, optional
-        s.
-    position, velocity : array, optional
-        Contraction ratio and its rate (1/s) of a muscle; angle (rad) and its rate (rad/s) of a joint.
-    pressure, pressure_rate : array, optional
-        Absolute pressure, Pa, and its rate, Pa/s.
-    command : array, optional
-        Valve command, −1 … 1, held from this instant to the next.
-    flow : array, optional
-        Mass flow into the muscle, kg/s.
-    force : array, optional
-        Tension, N.
 
     Examples
     --------
@@ -83,14 +70,18 @@ class Signals:
     300000.0
     """
 
-    time: Array = None
-    position: Array = None
-    velocity: Array = None
-    pressure: Array = None
-    pressure_rate: Array = None
-    command: Array = None
-    flow: Array = None
-    force: Array = None
+    time: Annotated[Array, "s."] = None
+    position: Annotated[
+        Array, "Contraction ratio and its rate (1/s) of a muscle; angle (rad) and its rate (rad/s) of a joint."
+    ] = None
+    velocity: Annotated[
+        Array, "Contraction ratio and its rate (1/s) of a muscle; angle (rad) and its rate (rad/s) of a joint."
+    ] = None
+    pressure: Annotated[Array, "Absolute pressure, Pa, and its rate, Pa/s."] = None
+    pressure_rate: Annotated[Array, "Absolute pressure, Pa, and its rate, Pa/s."] = None
+    command: Annotated[Array, "Valve command, −1 … 1, held from this instant to the next."] = None
+    flow: Annotated[Array, "Mass flow into the muscle, kg/s."] = None
+    force: Annotated[Array, "Tension, N."] = None
 
     @classmethod
     def of_state(cls, state: State) -> Signals:
@@ -113,15 +104,9 @@ _SIGNALS = attrgetter(*(f.name for f in fields(Signals)))
 """All signals, in the order of their fields."""
 
 
+@explained_fields
 class FlowTerm(NamedTuple):
     """Contribution to the flow equation, linear in the pressure rate: Δṁ = a + b Ṗ.
-
-    Parameters
-    ----------
-    a : array
-        Part without the pressure rate, kg/s.
-    b : array
-        Factor of the pressure rate, kg/Pa.
 
     Examples
     --------
@@ -131,8 +116,8 @@ class FlowTerm(NamedTuple):
     -2e-06
     """
 
-    a: Array
-    b: Array
+    a: Annotated[Array, "Part without the pressure rate, kg/s."]
+    b: Annotated[Array, "Factor of the pressure rate, kg/Pa."]
 
 
 class Effect(ABC):
@@ -326,23 +311,10 @@ class Effect(ABC):
         return None if cls.follows_path() else cls
 
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
-        """Return the memory along the runs of a log.
+        """Return the memory along the runs of a log, shape (n_states, n_samples, ...).
 
-        Parameters
-        ----------
-        s : Signals
-            Arrays with time along the first axis.
-        plant : Plant
-            The bench.
-        dt : float
-            Sampling interval, s.
-        starts : array of int, shape (n_trajectories,)
-            First row of each run, the first being 0; memory starts afresh there.
-
-        Returns
-        -------
-        array, shape (n_states, n_samples, ...)
-            The memory at each sample.
+        Signals have time along the first axis, ``dt`` is the sampling interval in s, and memory starts afresh at the
+        rows ``starts``, of which 0 is the first.
         """
         if not self.n_states:
             return np.zeros((0,))
@@ -392,12 +364,7 @@ class Effect(ABC):
     def beginnings(self, spans: Mapping[str, float], plant: Plant) -> tuple[tuple[str, float, float], ...]:
         """Return the unknown initial condition of a run: equation, time constant of its decay (s), standard deviation.
 
-        Parameters
-        ----------
-        spans : mapping of str to float
-            Ranges of the log's signals, by role.
-        plant : Plant
-            The plant.
+        ``spans`` are the ranges of the log's signals, by role.
         """
         return ()
 

@@ -20,11 +20,6 @@ class BraidGeometry(Effect):
 
     with the gauge pressure p that presses on the braid. A geometry that was fitted to a log without the other causes
     holds part of them, and is corrected beside them.
-
-    Parameters
-    ----------
-    **values : float
-        ``pulling`` a, change of the area that pulls, and ``pushing`` b, change of the area that pushes (N/Pa = m²).
     """
 
     name = "braid_geometry"
@@ -34,8 +29,8 @@ class BraidGeometry(Effect):
     kinds = ("muscle",)
     on_braid = True
     source = "10.1109/70.481753"
-    pulling = parameter("N/Pa", -0.1, 0.1, 1e-4, "change of the area that pulls", linear=True)
-    pushing = parameter("N/Pa", -0.1, 0.1, 0.0, "change of the area that pushes", linear=True)
+    pulling = parameter("N/Pa", -0.1, 0.1, 1e-4, "change of the area that pulls", linear=True, symbol="a")
+    pushing = parameter("N/Pa", -0.1, 0.1, 0.0, "change of the area that pushes", linear=True, symbol="b")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the tension of the areas that the model lacks, N."""
@@ -52,11 +47,6 @@ class EndCap(Effect):
     Conical ends make k larger than 1, compliant ones smaller. Force and volume follow from one another by virtual work:
     s = 1 for ends of the assumed shape. Ends of another shape change it by a part; a force without a volume (s = 0)
     would do work that no gas provides.
-
-    Parameters
-    ----------
-    **values : float
-        ``factor`` k and ``swept`` s (dimensionless).
     """
 
     name = "end_cap"
@@ -65,8 +55,10 @@ class EndCap(Effect):
     roles = ("position", "velocity", "pressure")
     kinds = ("bench",)  # a single muscle has the effective contraction, whose volume nobody measures
     source = "10.1109/37.833638"
-    factor = parameter("-", 0.7, 1.6, 1.1, "contraction of the active part over that of the whole")
-    swept = parameter("-", 0.5, 1.0, 1.0, "share of the change of shape that the gas feels as volume", simplest=True)
+    factor = parameter("-", 0.7, 1.6, 1.1, "contraction of the active part over that of the whole", symbol="k")
+    swept = parameter(
+        "-", 0.5, 1.0, 1.0, "share of the change of shape that the gas feels as volume", simplest=True, symbol="s"
+    )
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force at the contraction k ε less that at ε, N."""
@@ -119,11 +111,6 @@ class ConstantArea(Effect):
     circumference, the true strain ln D. The displacement δ, by which the braid is shorter than its fittings say,
     belongs to its ends: the threshold at rest falls with the length.
 
-    Parameters
-    ----------
-    **values : float
-        ``area`` A (N/Pa = m²), ``growth`` K (Pa), ``displacement`` δ (m), ``onset`` w (Pa).
-
     References
     ----------
     A pressure that is the sum of one for the contraction and one in proportion to the force, of muscles of 10 mm and
@@ -137,10 +124,10 @@ class ConstantArea(Effect):
     roles = ("position", "pressure")
     kinds = ()  # it replaces the model's geometry and all that corrects it: used only by name
     source = "10.1115/DETC2017-67458"
-    area = parameter("N/Pa", 1e-5, 2e-2, 7e-4, "force per pressure above the threshold")
-    growth = parameter("Pa", 1e5, 5e6, 1.2e6, "threshold where the braid is e times as wide as at rest")
-    displacement = parameter("m", 0.0, 2e-2, 2e-3, "length by which the braid is short at rest")
-    onset = parameter("Pa", 1e3, 3e5, 3e4, "pressure over which the bladder meets the braid")
+    area = parameter("N/Pa", 1e-5, 2e-2, 7e-4, "force per pressure above the threshold", symbol="A")
+    growth = parameter("Pa", 1e5, 5e6, 1.2e6, "threshold where the braid is e times as wide as at rest", symbol="K")
+    displacement = parameter("m", 0.0, 2e-2, 2e-3, "length by which the braid is short at rest", symbol="δ")
+    onset = parameter("Pa", 1e3, 3e5, 3e4, "pressure over which the bladder meets the braid", symbol="w")
 
     def threshold(self, s: Signals, plant: Plant) -> Array:
         """Return the gauge pressure that the bladder takes before the muscle pulls, Pa."""
@@ -172,11 +159,6 @@ class ThresholdPressure(Effect):
     The angle is not that of the model: a geometry that was fitted without the bladder takes part of it for its braid
     and may come out at twice the angle, at which a diameter hardly grows. Other angles of real braids change K rather
     than the form.
-
-    Parameters
-    ----------
-    **values : float
-        ``pressure`` p₀ at rest length, ``growth`` K for a diameter twice that at rest, ``onset`` w (Pa).
     """
 
     name = "threshold_pressure"
@@ -185,9 +167,9 @@ class ThresholdPressure(Effect):
     roles = ("position", "pressure")
     kinds = ("muscle",)
     source = "10.1109/70.481753"
-    pressure = parameter("Pa", 5e3, 3e5, 5e4, "threshold at rest length")
-    growth = parameter("Pa", 2e5, 5e6, 1e6, "growth of the threshold with the strain of the circumference")
-    onset = parameter("Pa", 0.0, 1e5, 0.0, "pressure over which the bladder meets the braid")
+    pressure = parameter("Pa", 5e3, 3e5, 5e4, "threshold at rest length", symbol="p₀")
+    growth = parameter("Pa", 2e5, 5e6, 1e6, "growth of the threshold with the strain of the circumference", symbol="K")
+    onset = parameter("Pa", 0.0, 1e5, 0.0, "pressure over which the bladder meets the braid", symbol="w")
 
     def braid_pressure(self, s: Signals, plant: Plant) -> Array:
         """Return the pressure that is left for the braid, Pa absolute."""

@@ -39,11 +39,6 @@ class DirectionalDamping(Effect):
     r"""Friction proportional to speed, with different slopes forwards and backwards.
 
     .. math:: \Delta F = -c_+\,\max(\dot x, 0) - c_-\,\min(\dot x, 0)
-
-    Parameters
-    ----------
-    **values : float
-        ``forward`` c₊ and ``backward`` c₋ (N s).
     """
 
     name = "directional_damping"
@@ -53,9 +48,11 @@ class DirectionalDamping(Effect):
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # friction alike in both directions is the simpler one
     source = "10.1016/0005-1098(94)90209-7"
-    forward = parameter("N s", 0.0, 1e5, 60.0, "force per speed while the position grows", linear=True, position=-1)
+    forward = parameter(
+        "N s", 0.0, 1e5, 60.0, "force per speed while the position grows", linear=True, position=-1, symbol="c₊"
+    )
     backward = parameter(
-        "N s", 0.0, 1e5, 40.0, "force per speed while it falls", linear=True, unlike="forward", position=-1
+        "N s", 0.0, 1e5, 40.0, "force per speed while it falls", linear=True, unlike="forward", position=-1, symbol="c₋"
     )
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
@@ -107,12 +104,7 @@ class BackEmf(Effect):
 
     .. math:: \Delta U = -k_e\,\dot q
 
-    On one log it is the same as a viscous friction; the data sheet of the motor distinguishes them.
-
-    Parameters
-    ----------
-    **values : float
-        ``constant`` k_e (V s/rad).
+    On one log it is the same as a viscous friction; the motor's data sheet, with k_e in V s/rad, distinguishes them.
 
     References
     ----------
@@ -126,7 +118,7 @@ class BackEmf(Effect):
     site = "joint"
     kinds = ("motor",)
     source = "10.1007/1-84628-259-4"
-    constant = parameter("N m s/rad", 0.0, 1e3, 0.05, "of the motor and its gear", linear=True)
+    constant = parameter("N m s/rad", 0.0, 1e3, 0.05, "of the motor and its gear", linear=True, symbol="k_e")
 
     def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −k_e q̇, in the unit of the joint's drive."""

@@ -13,8 +13,10 @@ from .base import Effect, Signals
 from .plant import Plant
 from .values import parameter
 
-PRESLIDING = parameter("-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1)
-TRANSITION = parameter("1/s", 0.0, 0.1, 0.0, "speed below which friction fades, as tanh", position=1, refines=True)
+PRESLIDING = parameter("-", 1e-6, 2e-3, 2e-4, "displacement within which friction turns over", position=1, symbol="δ")
+TRANSITION = parameter(
+    "1/s", 0.0, 0.1, 0.0, "speed below which friction fades, as tanh", position=1, refines=True, symbol="v_t"
+)
 
 
 class _Bristles(Effect):
@@ -72,12 +74,6 @@ class CoulombFriction(_Bristles):
     that presses them onto each other; 0 by default. Below the transition speed v_t friction fades, as simulators smooth
     its sign; 0, the default, is without that.
 
-    Parameters
-    ----------
-    **values : float
-        ``amplitude`` F_c (N), ``per_pressure`` μ (N/Pa), ``presliding`` δ (unit of the position),
-        ``exponent`` n (dimensionless), ``transition`` v_t (unit of the position per s).
-
     References
     ----------
     P. R. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14(12), 1976.
@@ -90,10 +86,10 @@ class CoulombFriction(_Bristles):
     name = "coulomb_friction"
     roles = ("position", "velocity", "pressure")
     source = "10.2514/3.61511"
-    amplitude = parameter("N", 0.0, 1e4, 4.0, "sliding friction", linear=True)
-    per_pressure = parameter("N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True)
+    amplitude = parameter("N", 0.0, 1e4, 4.0, "sliding friction", linear=True, symbol="F_c")
+    per_pressure = parameter("N/Pa", 0.0, 1e-2, 0.0, "sliding friction per gauge pressure", linear=True, symbol="μ")
     presliding = replace(PRESLIDING, essential=True)
-    exponent = parameter("-", 0.0, 1.0, 1.0, "1: gradual (Dahl), 0: elastic until it slides")
+    exponent = parameter("-", 0.0, 1.0, 1.0, "1: gradual (Dahl), 0: elastic until it slides", symbol="n")
     transition = TRANSITION
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
@@ -110,19 +106,13 @@ class LoadDependentFriction(_Bristles):
     .. math:: \Delta F = -\mu\,(P - P_\mathrm{atm})\, z
 
     with the direction z of the motion as in `CoulombFriction`.
-
-    Parameters
-    ----------
-    **values : float
-        ``coefficient`` μ (N/Pa), ``presliding`` δ (unit of the position), ``transition`` v_t (unit of the
-        position per s).
     """
 
     name = "load_dependent_friction"
     roles = ("position", "velocity", "pressure")
     prior = -6.0  # one of the common effects is nearly always equivalent
     source = "10.1109/37.833638"
-    coefficient = parameter("N/Pa", 0.0, 1e-2, 2e-5, "sliding friction per gauge pressure", linear=True)
+    coefficient = parameter("N/Pa", 0.0, 1e-2, 2e-5, "sliding friction per gauge pressure", linear=True, symbol="μ")
     presliding = replace(PRESLIDING, essential=True)
     transition = TRANSITION
 
@@ -138,12 +128,6 @@ class DirectionalFriction(_Bristles):
 
     with the gauge pressure p and the direction z of the motion as in `CoulombFriction`. Pressure that lifts a
     lip lowers its friction.
-
-    Parameters
-    ----------
-    **values : float
-        ``forward`` F₊ and ``backward`` F₋ (N), ``forward_per_pressure`` μ₊ and ``backward_per_pressure`` μ₋ (N/Pa),
-        ``presliding`` δ (unit of the position), ``transition`` v_t (unit of the position per s).
     """
 
     name = "directional_friction"
@@ -152,11 +136,15 @@ class DirectionalFriction(_Bristles):
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # friction alike in both directions is the simpler one
     source = "10.1016/0005-1098(94)90209-7"
-    forward = parameter("N", 0.0, 1e4, 4.0, "sliding friction while the position grows", linear=True)
-    backward = parameter("N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True, unlike="forward")
-    forward_per_pressure = parameter("N/Pa", -1e-2, 1e-2, 0.0, "the first one's change by pressure", linear=True)
+    forward = parameter("N", 0.0, 1e4, 4.0, "sliding friction while the position grows", linear=True, symbol="F₊")
+    backward = parameter(
+        "N", 0.0, 1e4, 2.0, "sliding friction while it falls", linear=True, unlike="forward", symbol="F₋"
+    )
+    forward_per_pressure = parameter(
+        "N/Pa", -1e-2, 1e-2, 0.0, "the first one's change by pressure", linear=True, symbol="μ₊"
+    )
     backward_per_pressure = parameter(
-        "N/Pa", -1e-2, 1e-2, 0.0, "the other one's change", linear=True, unlike="forward_per_pressure"
+        "N/Pa", -1e-2, 1e-2, 0.0, "the other one's change", linear=True, unlike="forward_per_pressure", symbol="μ₋"
     )
     presliding = PRESLIDING
     transition = TRANSITION
@@ -177,12 +165,6 @@ class StribeckFriction(_Bristles):
 
     with the direction z of the motion, which turns over within the presliding displacement and fades below the
     transition speed as in `CoulombFriction`.
-
-    Parameters
-    ----------
-    **values : float
-        ``coulomb`` F_c (N), ``breakaway`` F_s, the excess at rest (N), ``velocity`` v_s (unit of the position per s),
-        ``presliding`` (unit of the position), ``transition`` v_t (unit of the position per s).
     """
 
     name = "stribeck_friction"
@@ -190,9 +172,9 @@ class StribeckFriction(_Bristles):
     extends = "coulomb_friction"
     prior = -4.0  # friction alike at every speed is the simpler one
     source = "10.1016/0005-1098(94)90209-7"
-    coulomb = parameter("N", 0.0, 1e4, 3.0, "friction at speed", linear=True, essential=True)
-    breakaway = parameter("N", 0.0, 1e4, 3.0, "excess at rest", linear=True, essential=True)
-    velocity = parameter("1/s", 1e-4, 10.0, 0.02, "speed at which the excess fades", position=1)
+    coulomb = parameter("N", 0.0, 1e4, 3.0, "friction at speed", linear=True, essential=True, symbol="F_c")
+    breakaway = parameter("N", 0.0, 1e4, 3.0, "excess at rest", linear=True, essential=True, symbol="F_s")
+    velocity = parameter("1/s", 1e-4, 10.0, 0.02, "speed at which the excess fades", position=1, symbol="v_s")
     presliding = PRESLIDING
     transition = TRANSITION
 
@@ -208,12 +190,6 @@ class TorqueLoss(_Bristles):
 
     with the transmitted force F and the direction z of the motion as in `CoulombFriction`.
 
-    Parameters
-    ----------
-    **values : float
-        ``driving`` η_d and ``driven`` η_b (dimensionless), ``presliding`` δ (unit of the position),
-        ``transition`` v_t (unit of the position per s).
-
     References
     ----------
     G. Passault, M. Duclusaud, "Extended friction models for the physics simulation of servo actuators",
@@ -224,8 +200,8 @@ class TorqueLoss(_Bristles):
     roles = ("position", "velocity", "pressure", "force")
     kinds = ("joint", "motor")
     source = "10.48550/arXiv.2410.08650"
-    driving = parameter("-", 0.0, 1.0, 0.1, "share lost while the motor moves the load", linear=True)
-    driven = parameter("-", 0.0, 1.0, 0.05, "share lost while the load moves the motor", linear=True)
+    driving = parameter("-", 0.0, 1.0, 0.1, "share lost while the motor moves the load", linear=True, symbol="η_d")
+    driven = parameter("-", 0.0, 1.0, 0.05, "share lost while the load moves the motor", linear=True, symbol="η_b")
     presliding = PRESLIDING
     transition = TRANSITION
 

@@ -41,19 +41,14 @@ class GasTemperature(Effect):
     .. math:: T' = T + \Delta T, \qquad C' = C\,\Big(1 - \sigma + \sigma\sqrt{T / T'}\Big)
 
     With σ = 1 the supplied gas has that temperature as well, and less of it passes the valve (ISO 6358).
-
-    Parameters
-    ----------
-    **values : float
-        ``difference`` ΔT (K), ``supplied`` σ (dimensionless).
     """
 
     name = "gas_temperature"
     family = "gas"
     equations = ("flow", "valve")
     source = "10.1115/1.1286336"
-    difference = parameter("K", -80.0, 80.0, 10.0, "temperature above the nominal one", linear=True)
-    supplied = parameter("-", 0.0, 1.0, 0.0, "share of it that the supplied gas has as well")
+    difference = parameter("K", -80.0, 80.0, 10.0, "temperature above the nominal one", linear=True, symbol="ΔT")
+    supplied = parameter("-", 0.0, 1.0, 0.0, "share of it that the supplied gas has as well", symbol="σ")
 
     def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the changed temperature and, for the supplied gas, conductance."""
@@ -69,11 +64,6 @@ class PolytropicExponent(Effect):
         n_P = \gamma - (\gamma - n)\,(1 + \sigma\,\mathrm{sgn}\,\dot P)
 
     Filling and venting exchange heat differently: their exponents differ where σ is not 0.
-
-    Parameters
-    ----------
-    **values : float
-        ``exponent`` n, ``skew`` σ (both dimensionless).
     """
 
     name = "polytropic_exponent"
@@ -81,8 +71,10 @@ class PolytropicExponent(Effect):
     equations = ("flow",)
     roles = ("position", "pressure_rate")
     source = "10.1115/1.1286336"
-    exponent = parameter("-", 1.0, 1.4, 1.2, "exponent of the compression")
-    skew = parameter("-", -0.5, 0.5, 0.0, "by how much it is further from adiabatic while the pressure rises")
+    exponent = parameter("-", 1.0, 1.4, 1.2, "exponent of the compression", symbol="n")
+    skew = parameter(
+        "-", -0.5, 0.5, 0.0, "by how much it is further from adiabatic while the pressure rises", symbol="σ"
+    )
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return (0, V/(R T) (1/n − 1/γ))."""
@@ -106,13 +98,6 @@ class HeatTransfer(Effect):
     for an excess of temperature E T/m that is small beside T. Gas that leaves, a share ω of it per second, takes its
     excess along: all of it (κ = 1), or less where it passes a hose at the temperature of the walls. With ς = 0 denser
     gas gives off more heat; with ς = 1 the conductance of the walls is constant, and more gas takes longer to cool.
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ at constant pressure, at three times that of the surroundings (s); ``slowing`` ς;
-        ``carried`` κ; ``unknown``, how much of the range of pressure may have been passed shortly before each run
-        (dimensionless; only for logs, a simulation knows it).
     """
 
     name = "heat_transfer"
@@ -121,9 +106,9 @@ class HeatTransfer(Effect):
     roles = ("position", "velocity", "pressure", "pressure_rate")
     source = "10.1115/1.1286336"
     n_states = 1
-    time_constant = parameter("s", 1e-3, 1e4, 0.2, "time constant of the cooling")
-    slowing = parameter("-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure")
-    carried = parameter("-", 0.0, 1.0, 1.0, "share of its excess temperature that leaving gas keeps")
+    time_constant = parameter("s", 1e-3, 1e4, 0.2, "time constant of the cooling", symbol="τ")
+    slowing = parameter("-", 0.0, 1.0, 0.0, "power with which the time constant grows with the pressure", symbol="ς")
+    carried = parameter("-", 0.0, 1.0, 1.0, "share of its excess temperature that leaving gas keeps", symbol="κ")
     unknown = parameter("-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True)
 
     def _rate(self, P: Array, plant: Plant) -> Array:
@@ -198,12 +183,6 @@ class HeatLoss(Effect):
 
     above the temperature Tₐ of the surroundings, with Tᵣ = 300 K: n = 1 for conduction and fans, 4 for radiation.
 
-    Parameters
-    ----------
-    **values : float
-        ``coefficient`` h, loss per kelvin at 300 K (kg/(s Pa), in the unit of the rate at a port), ``exponent`` n
-        (dimensionless), ``ambient`` Tₐ (K).
-
     References
     ----------
     S. W. Churchill, H. H. S. Chu, "Correlating equations for laminar and turbulent free convection from a vertical
@@ -218,9 +197,9 @@ class HeatLoss(Effect):
     kinds = ()  # at temperatures alone
     domain = "temperature"
     source = "10.1016/0017-9310(75)90243-4"
-    coefficient = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-7, "loss per kelvin at 300 K", linear=True)
-    exponent = parameter("-", 1.0, 4.0, 4.0, "power of the absolute temperature")
-    ambient = parameter("K", 230.0, 350.0, 293.15, "temperature of the surroundings")
+    coefficient = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-7, "loss per kelvin at 300 K", linear=True, symbol="h")
+    exponent = parameter("-", 1.0, 4.0, 4.0, "power of the absolute temperature", symbol="n")
+    ambient = parameter("K", 230.0, 350.0, 293.15, "temperature of the surroundings", symbol="Tₐ")
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the loss above the surroundings' temperature."""
@@ -234,11 +213,6 @@ class Overflow(Effect):
 
     .. math:: \Delta\dot m = -c\,\max(P - P_o, 0)
 
-    Parameters
-    ----------
-    **values : float
-        ``coefficient`` c (kg/(s Pa)), ``level`` P_o (Pa, or the unit of the head).
-
     References
     ----------
     M. Schoukens, J. P. Noël, "Three benchmarks addressing open challenges in nonlinear system identification",
@@ -251,8 +225,10 @@ class Overflow(Effect):
     roles = ("pressure",)
     kinds = ("gas",)
     source = "10.1016/j.ifacol.2017.08.071"
-    coefficient = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-8, "outflow per pressure above the level", linear=True)
-    level = parameter("Pa", 2e2, 2e6, 3e5, "where it begins")
+    coefficient = parameter(
+        "kg/(s Pa)", 0.0, 1e-3, 1e-8, "outflow per pressure above the level", linear=True, symbol="c"
+    )
+    level = parameter("Pa", 2e2, 2e6, 3e5, "where it begins", symbol="P_o")
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return −c (P − P_o) above the level, kg/s."""
@@ -291,12 +267,6 @@ class SupplyDroop(Effect):
     A valve draws the flow :math:`k P_s'`; the receiver feeds the valves of all muscles. The hose answers at once, the
     regulator lets the receiver recover in its time.
 
-    Parameters
-    ----------
-    **values : float
-        ``resistance`` R_s of the hose and ``regulation`` R_r, by how much the receiver falls in the end (Pa s/kg),
-        and the receiver's ``time_constant`` τ (s).
-
     References
     ----------
     ISO 6358-1:2013, "Pneumatic fluid power - Determination of flow-rate characteristics of components using
@@ -310,9 +280,13 @@ class SupplyDroop(Effect):
     roles = ("command", "pressure")
     source = "ISO 6358-1:2013, ISO 6953-1:2015"
     n_states = 1
-    resistance = parameter("Pa s/kg", 0.0, 1e10, 2e7, "pressure lost in the hose per flow drawn", linear=True)
-    regulation = parameter("Pa s/kg", 0.0, 1e10, 0.0, "fall of the regulated pressure per flow", linear=True)
-    time_constant = parameter("s", 1e-3, 5.0, 0.05, "time in which the receiver empties and recovers")
+    resistance = parameter(
+        "Pa s/kg", 0.0, 1e10, 2e7, "pressure lost in the hose per flow drawn", linear=True, symbol="R_s"
+    )
+    regulation = parameter(
+        "Pa s/kg", 0.0, 1e10, 0.0, "fall of the regulated pressure per flow", linear=True, symbol="R_r"
+    )
+    time_constant = parameter("s", 1e-3, 5.0, 0.05, "time in which the receiver empties and recovers", symbol="τ")
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return a full receiver."""

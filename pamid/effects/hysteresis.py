@@ -57,12 +57,6 @@ class Hysteresis(Effect):
     Without spread σ all elements coincide. With it they slip one after the other, like the fibres of a braid, and give
     the smoother loops of Prandtl–Ishlinskii and Maxwell slip models.
 
-    Parameters
-    ----------
-    **values : float
-        ``amplitude`` A of the Bouc–Wen elements and ``slip`` S of those that slip (N), ``displacement`` δ (unit of the
-        position), ``shape`` β and ``spread`` σ (dimensionless).
-
     References
     ----------
     M. Ismail, F. Ikhouane, J. Rodellar, "The hysteresis Bouc-Wen model, a survey", Archives of Computational Methods
@@ -78,13 +72,15 @@ class Hysteresis(Effect):
     source = "10.1007/s11831-009-9031-8"
     n_states = 2 * len(_ELEMENTS)
     path_dependent = True
-    amplitude = parameter("N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True)
-    slip = parameter("N", 0.0, 1e4, 0.0, "the same of the Maxwell-slip elements", linear=True)
+    amplitude = parameter("N", 0.0, 1e4, 8.0, "half the width of a full loop", linear=True, symbol="A")
+    slip = parameter("N", 0.0, 1e4, 0.0, "the same of the Maxwell-slip elements", linear=True, symbol="S")
     displacement = parameter(
-        "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True, position=1
+        "-", 1e-3, 0.5, 0.01, "displacement over which the force goes over", essential=True, position=1, symbol="δ"
     )
-    shape = parameter("-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl")
-    spread = parameter("-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements")
+    shape = parameter("-", 0.5, 1.0, 0.5, "0.5: straight unloading, 1: Dahl", symbol="β")
+    spread = parameter(
+        "-", 0.0, 1.5, 0.0, "standard deviation of the logarithm of the elements' displacements", symbol="σ"
+    )
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return the state of the middle of the loop."""
@@ -114,12 +110,6 @@ class PrandtlIshlinskii(_Stops):
         z_i = \frac{x - \mathrm{play}_{r_i}(x)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
 
     The position x of a piezo stage is the voltage that drives it.
-
-    Parameters
-    ----------
-    **values : float
-        ``narrow``, ``middle``, ``wide`` w (N), ``narrow_slope``, ``middle_slope``, ``wide_slope`` v (N per unit of
-        the position), ``width`` r of the middle stop (unit of the position).
     """
 
     name = "prandtl_ishlinskii"
@@ -130,13 +120,15 @@ class PrandtlIshlinskii(_Stops):
     prior = -2.0  # elements alike, or spread evenly, are the simpler model
     source = "10.3166/ejc.9.407-418"
     path_dependent = True
-    narrow = parameter("N", -1e3, 1e4, 2.0, "weight of the narrow stop", linear=True)
-    middle = parameter("N", -1e3, 1e4, 2.0, "weight of the middle stop", linear=True)
-    wide = parameter("N", -1e3, 1e4, 2.0, "weight of the wide stop", linear=True)
-    narrow_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
-    middle_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
-    wide_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1)
-    width = parameter("-", 3e-3, 0.035, 0.03, "displacement over which the middle stop turns over", position=1)
+    narrow = parameter("N", -1e3, 1e4, 2.0, "weight of the narrow stop", linear=True, symbol="w₁")
+    middle = parameter("N", -1e3, 1e4, 2.0, "weight of the middle stop", linear=True, symbol="w₂")
+    wide = parameter("N", -1e3, 1e4, 2.0, "weight of the wide stop", linear=True, symbol="w₃")
+    narrow_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1, symbol="v₁")
+    middle_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1, symbol="v₂")
+    wide_slope = parameter("N", -1e4, 1e4, 0.0, "its change with the position", linear=True, position=-1, symbol="v₃")
+    width = parameter(
+        "-", 3e-3, 0.035, 0.03, "displacement over which the middle stop turns over", position=1, symbol="r"
+    )
 
     def trace_along(self, path: Path, plant: Plant, dt: float) -> Array:
         """Return the stops along a path, without a loop over its turns."""
@@ -156,12 +148,6 @@ class PressureHysteresis(_Stops):
 
     with elastic stops z in [−1, 1]. Their weights may change with the contraction.
 
-    Parameters
-    ----------
-    **values : float
-        ``narrow``, ``middle``, ``wide`` w (N), ``narrow_growth``, ``middle_growth``, ``wide_growth`` v (N per
-        contraction), ``width`` r of the middle stop (Pa).
-
     References
     ----------
     T. Vo-Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "A new approach to modeling hysteresis in a pneumatic
@@ -175,13 +161,15 @@ class PressureHysteresis(_Stops):
     roles = ("position", "pressure")
     kinds = ("muscle",)
     source = "10.1109/TMECH.2009.2038373"
-    narrow = parameter("N", -1e3, 1e4, 0.0, "weight of the narrow stop", linear=True)
-    middle = parameter("N", -1e3, 1e4, 5.0, "weight of the middle stop", linear=True)
-    wide = parameter("N", -1e3, 1e4, 0.0, "weight of the wide stop", linear=True)
-    narrow_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
-    middle_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
-    wide_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1)
-    width = parameter("Pa", 1e4, 2e5, 1e5, "pressure over which the middle stop goes from one end to the middle")
+    narrow = parameter("N", -1e3, 1e4, 0.0, "weight of the narrow stop", linear=True, symbol="w₁")
+    middle = parameter("N", -1e3, 1e4, 5.0, "weight of the middle stop", linear=True, symbol="w₂")
+    wide = parameter("N", -1e3, 1e4, 0.0, "weight of the wide stop", linear=True, symbol="w₃")
+    narrow_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1, symbol="v₁")
+    middle_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1, symbol="v₂")
+    wide_growth = parameter("N", -1e5, 1e5, 0.0, "its growth per contraction", linear=True, position=-1, symbol="v₃")
+    width = parameter(
+        "Pa", 1e4, 2e5, 1e5, "pressure over which the middle stop goes from one end to the middle", symbol="r"
+    )
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of the stops, N."""
@@ -196,12 +184,6 @@ class ActuatorHysteresis(_Stops, OfCommand):
         z_i = \frac{u - \mathrm{play}_{r_i}(u)}{r_i}, \qquad r_i = \tfrac{1}{3}\,r,\; r,\; 3\,r
 
     with elastic stops z in [−1, 1].
-
-    Parameters
-    ----------
-    **values : float
-        ``narrow``, ``middle``, ``wide`` w (share of a change of the command that is held back until the stop slips),
-        ``width`` r of the middle stop (unit of the command).
     """
 
     name = "actuator_hysteresis"
@@ -209,10 +191,10 @@ class ActuatorHysteresis(_Stops, OfCommand):
     prior = -2.0  # one play, or a lag, is the simpler model
     source = "10.3166/ejc.9.407-418"
     sampled = True
-    narrow = parameter("-", -1.0, 1.0, 0.1, "share that the narrow stop holds back", linear=True)
-    middle = parameter("-", -1.0, 1.0, 0.1, "share that the middle stop holds back", linear=True)
-    wide = parameter("-", -1.0, 1.0, 0.1, "share that the wide stop holds back", linear=True)
-    width = parameter("-", 0.01, 0.6, 0.2, "change of the command over which the middle stop slips")
+    narrow = parameter("-", -1.0, 1.0, 0.1, "share that the narrow stop holds back", linear=True, symbol="w₁")
+    middle = parameter("-", -1.0, 1.0, 0.1, "share that the middle stop holds back", linear=True, symbol="w₂")
+    wide = parameter("-", -1.0, 1.0, 0.1, "share that the wide stop holds back", linear=True, symbol="w₃")
+    width = parameter("-", 0.01, 0.6, 0.2, "change of the command over which the middle stop slips", symbol="r")
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command less the output of the stops."""

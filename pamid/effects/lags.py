@@ -145,18 +145,13 @@ class ValveLag(OfCommand):
     The command is held for a control period. With s = 0 it is a lag of first order, with s = 1/4 two alike
     concatenated; above that the spool swings about its command, with a damping ratio of :math:`1/(2\sqrt{s})`. By τ it
     comes late in any case.
-
-    Parameters
-    ----------
-    **values : float
-        ``time_constant`` τ (s), ``second`` s (dimensionless).
     """
 
     name = "valve_lag"
     source = "10.1115/1.1286336"
     n_states = 2
-    time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of what follows the command")
-    second = parameter("-", 0.0, 1.0, 0.0, "inertia: 0.25 for two lags alike, above it swings")
+    time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of what follows the command", symbol="τ")
+    second = parameter("-", 0.0, 1.0, 0.0, "inertia: 0.25 for two lags alike, above it swings", symbol="s")
 
     def _spring(self) -> tuple[float, float]:
         """Return natural frequency (rad/s) and damping ratio."""

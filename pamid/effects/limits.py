@@ -64,11 +64,6 @@ class Slack(OfForce):
 
     .. math:: F' = F_0 + \tfrac{1}{2}\left(F - F_0 + \sqrt{(F - F_0)^2 + w^2}\right)
 
-    Parameters
-    ----------
-    **values : float
-        ``rounding`` w (N): force over which the muscle tightens; ``rest`` F₀ (N): tension of the loose muscle.
-
     Examples
     --------
     >>> from pamid.effects import make_effect
@@ -80,8 +75,8 @@ class Slack(OfForce):
     family = "elasticity"
     kinds = ("muscle",)
     source = "10.1109/37.833638"
-    rounding = parameter("N", 0.1, 200.0, 20.0, "force over which the muscle tightens")
-    rest = parameter("N", 0.0, 100.0, 5.0, "tension of the loose muscle")
+    rounding = parameter("N", 0.1, 200.0, 20.0, "force over which the muscle tightens", symbol="w")
+    rest = parameter("N", 0.0, 100.0, 5.0, "tension of the loose muscle", symbol="F₀")
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return the tension of a muscle that does not push, N."""
@@ -118,19 +113,16 @@ class ValveDeadZone(OfCommand):
 
     With κ = 1 a full command still opens the valve fully, with κ = 0 it opens it by d less. Overlaps may differ for
     filling and venting (σ), and ports open gradually: within ρ d_u about the edge a parabola takes the corner's place.
-
-    Parameters
-    ----------
-    **values : float
-        ``width`` d, ``stretch`` κ, ``skew`` σ, ``rounding`` ρ (all dimensionless).
     """
 
     name = "valve_dead_zone"
     source = "10.1115/1.1286336"
-    width = parameter("-", 0.0, 0.5, 0.04, "size of the command up to which nothing responds")
-    stretch = parameter("-", 0.0, 1.0, 0.0, "share of the lost travel that larger commands make up for")
-    skew = parameter("-", -0.9, 0.9, 0.0, "by how much the zone is wider for positive commands than on the mean")
-    rounding = parameter("-", 0.0, 1.0, 0.0, "half width of the round edges, as a share of the zone")
+    width = parameter("-", 0.0, 0.5, 0.04, "size of the command up to which nothing responds", symbol="d")
+    stretch = parameter("-", 0.0, 1.0, 0.0, "share of the lost travel that larger commands make up for", symbol="κ")
+    skew = parameter(
+        "-", -0.9, 0.9, 0.0, "by how much the zone is wider for positive commands than on the mean", symbol="σ"
+    )
+    rounding = parameter("-", 0.0, 1.0, 0.0, "half width of the round edges, as a share of the zone", symbol="ρ")
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command less the dead zone."""
@@ -147,17 +139,12 @@ class ValveAsymmetry(OfCommand):
     .. math:: u' = (1 - \sigma\alpha)\,u\ (u \ge 0), \qquad u' = (1 + (1 - \sigma)\,\alpha)\,u\ (u < 0)
 
     With σ = 0 the nominal conductance is that of the inlet, with σ = 1/2 the mean of both.
-
-    Parameters
-    ----------
-    **values : float
-        ``asymmetry`` α, ``split`` σ (both dimensionless).
     """
 
     name = "valve_asymmetry"
     source = "ISO 6358-1:2013"
-    asymmetry = parameter("-", -0.9, 0.9, 0.2, "gain of negative commands less that of others", linear=True)
-    split = parameter("-", 0.0, 1.0, 0.0, "share of it that positive commands lack")
+    asymmetry = parameter("-", -0.9, 0.9, 0.2, "gain of negative commands less that of others", linear=True, symbol="α")
+    split = parameter("-", 0.0, 1.0, 0.0, "share of it that positive commands lack", symbol="σ")
 
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the command, enlarged where it vents and reduced where it fills."""

@@ -14,11 +14,6 @@ class Gravity(Effect):
     r"""A mass on a lever.
 
     .. math:: \Delta\tau = -m g l\,\sin(q + \varphi)
-
-    Parameters
-    ----------
-    **values : float
-        ``moment`` m g l (N m), ``angle`` φ of the lever from hanging at q = 0 (rad).
     """
 
     name = "gravity"
@@ -27,8 +22,8 @@ class Gravity(Effect):
     site = "joint"
     roles = ("position",)
     source = "10.1109/37.833638"
-    moment = parameter("N m", 0.0, 1e3, 1.0, "weight times lever", linear=True)
-    angle = parameter("rad", -3.1416, 3.1416, 0.0, "lever from hanging at joint angle 0")
+    moment = parameter("N m", 0.0, 1e3, 1.0, "weight times lever", linear=True, symbol="m g l")
+    angle = parameter("rad", -3.1416, 3.1416, 0.0, "lever from hanging at joint angle 0", symbol="φ")
 
     def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the torque of the weight, N m."""
@@ -39,11 +34,6 @@ class PeriodicForce(Effect):
     r"""Cogging of a motor's magnets, ripple of a screw or a gear, an eccentric wheel.
 
     .. math:: \Delta\tau = a\,\sin(n q) + b\,\cos(n q)
-
-    Parameters
-    ----------
-    **values : float
-        ``sine`` a and ``cosine`` b (N m), ``rate`` n, periods in 2π of the position (1/rad; any number).
 
     References
     ----------
@@ -59,9 +49,9 @@ class PeriodicForce(Effect):
     roles = ("position",)
     kinds = ("actuator", "joint", "motor")
     source = "10.1109/20.908714"
-    sine = parameter("N m", -1e3, 1e3, 1.0, "amplitude of the sine", linear=True)
-    cosine = parameter("N m", -1e3, 1e3, 0.0, "amplitude of the cosine", linear=True)
-    rate = parameter("1/rad", 1e-2, 1e6, 10.0, "periods in 2π of the position", periods=True)
+    sine = parameter("N m", -1e3, 1e3, 1.0, "amplitude of the sine", linear=True, symbol="a")
+    cosine = parameter("N m", -1e3, 1e3, 0.0, "amplitude of the cosine", linear=True, symbol="b")
+    rate = parameter("1/rad", 1e-2, 1e6, 10.0, "periods in 2π of the position", periods=True, symbol="n")
 
     def torque(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return a sin(n q) + b cos(n q), N m."""

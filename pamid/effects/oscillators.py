@@ -18,11 +18,6 @@ class Compliance(OfForce):
     r"""Spring and damper between drive and load: the transmitted force oscillates at their natural frequency.
 
     .. math:: \ddot F' = \omega^2\,(F - F') - 2\,\zeta\,\omega\,\dot F'
-
-    Parameters
-    ----------
-    **values : float
-        ``frequency`` ω (rad/s), ``damping`` ζ (dimensionless).
     """
 
     name = "compliance"
@@ -32,8 +27,10 @@ class Compliance(OfForce):
     source = "10.1115/1.3143860"
     n_states = 2
     sampled = True
-    frequency = parameter("rad/s", 3.0, 3e3, 60.0, "natural frequency of drive and load")
-    damping = parameter("-", 0.02, 0.5**0.5, 0.2, "damping ratio; above its bound nothing swings: that is a lag")
+    frequency = parameter("rad/s", 3.0, 3e3, 60.0, "natural frequency of drive and load", symbol="ω")
+    damping = parameter(
+        "-", 0.02, 0.5**0.5, 0.2, "damping ratio; above its bound nothing swings: that is a lag", symbol="ζ"
+    )
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return a spring at rest under the load."""
@@ -60,11 +57,6 @@ class Resonance(Effect):
         \ddot y = \omega^2\,(x - y) + 2\,\zeta\,\omega\,(\dot x - \dot y)
 
     Far below its frequency it acts as an added mass. It begins at rest relative to its carrier.
-
-    Parameters
-    ----------
-    **values : float
-        ``mass`` m (N s²), ``frequency`` ω with the carrier held (rad/s), ``damping`` ζ (dimensionless).
     """
 
     name = "resonance"
@@ -75,9 +67,9 @@ class Resonance(Effect):
     prior = -2.0  # a rigid body is the simpler model
     source = "10.1115/1.3143860"
     n_states = 2
-    mass = parameter("N s^2", 0.0, 1e6, 0.1, "mass on the spring", linear=True, position=-1)
-    frequency = parameter("rad/s", 3.0, 3e3, 60.0, "natural frequency of that mass alone", points=8)
-    damping = parameter("-", 0.005, 0.99, 0.1, "damping ratio of that mass alone", points=2)
+    mass = parameter("N s^2", 0.0, 1e6, 0.1, "mass on the spring", linear=True, position=-1, symbol="m")
+    frequency = parameter("rad/s", 3.0, 3e3, 60.0, "natural frequency of that mass alone", points=8, symbol="ω")
+    damping = parameter("-", 0.005, 0.99, 0.1, "damping ratio of that mass alone", points=2, symbol="ζ")
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return a mass that moves with its carrier."""

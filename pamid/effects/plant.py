@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE, GAS_CONSTANT, HEAT_CAPACITY_RATIO, REFERENCE_DENSITY, TEMPERATURE
 from ..errors import LackingNumberError
+from ..explained import explained_fields
 from ..signals.state import Array
 
 BRAID_ANGLE = math.radians(25.0)
@@ -15,39 +16,13 @@ BRAID_ANGLE = math.radians(25.0)
 35°, of which each grows in diameter as a multiple of it, to within 4 % (``benchmarks/settings.py --computed``)."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Plant:
     r"""Numbers of a muscle, its gas, valve and joint, in SI units.
 
     An effect reads them to state its contribution; the volume is that of the nominal cylinder,
     :math:`V = (b^2 L - L^3)/(4\pi n^2)`.
-
-    Parameters
-    ----------
-    rest_length : float
-        L₀, m.
-    thread_length : float
-        b, m.
-    turns : float
-        n, turns of a thread.
-    initial_contraction : float
-        ε₀ at joint angle 0.
-    heat_capacity_ratio : float
-        γ.
-    gas_constant : float
-        R, J/(kg K).
-    temperature : float
-        T, K.
-    atmospheric_pressure, supply_pressure : float
-        Pa, absolute.
-    sonic_conductance : float
-        C, m³/(s Pa).
-    critical_pressure_ratio : float
-        b_c.
-    reference_density : float
-        ρ₀, kg/m³.
-    pulley_radius : float
-        r, m.
 
     Examples
     --------
@@ -57,19 +32,19 @@ class Plant:
     106.0 cm³ at 10 % contraction, 1.48 turns of a thread
     """
 
-    rest_length: float
-    thread_length: float
-    turns: float
-    initial_contraction: float
-    heat_capacity_ratio: float
-    gas_constant: float
-    temperature: float
-    atmospheric_pressure: float
-    supply_pressure: float
-    sonic_conductance: float
-    critical_pressure_ratio: float
-    reference_density: float
-    pulley_radius: float
+    rest_length: Annotated[float, "L₀, m."]
+    thread_length: Annotated[float, "b, m."]
+    turns: Annotated[float, "n, turns of a thread."]
+    initial_contraction: Annotated[float, "ε₀ at joint angle 0."]
+    heat_capacity_ratio: Annotated[float, "γ."]
+    gas_constant: Annotated[float, "R, J/(kg K)."]
+    temperature: Annotated[float, "T, K."]
+    atmospheric_pressure: Annotated[float, "Pa, absolute."]
+    supply_pressure: Annotated[float, "Pa, absolute."]
+    sonic_conductance: Annotated[float, "C, m³/(s Pa)."]
+    critical_pressure_ratio: Annotated[float, "b_c."]
+    reference_density: Annotated[float, "ρ₀, kg/m³."]
+    pulley_radius: Annotated[float, "r, m."]
 
     @classmethod
     def of_muscle(
@@ -80,24 +55,10 @@ class Plant:
         atmospheric_pressure: float = ATMOSPHERIC_PRESSURE,
         temperature: float = TEMPERATURE,
     ) -> Plant:
-        """Return the numbers of a single muscle; those of a valve and a joint, which its effects do not need, are
-        placeholders.
+        """Return the numbers of a single muscle: lengths at rest (m), angle between thread and axis at rest (rad),
+        pressure (Pa, absolute) and temperature (K) of the gas.
 
-        Parameters
-        ----------
-        rest_length, rest_diameter : float
-            Length and diameter at rest, m.
-        braid_angle : float, default=0.436
-            Angle between thread and axis at rest, rad.
-        atmospheric_pressure : float, default=101325
-            Pa, absolute.
-        temperature : float, default=293
-            Of the gas, K.
-
-        Returns
-        -------
-        Plant
-            The numbers.
+        Those of a valve and a joint, which its effects do not need, are placeholders.
         """
         thread = rest_length / math.cos(braid_angle)
         return cls(
@@ -137,16 +98,12 @@ class Plant:
         return self.shape * self.rest_length * (3.0 * L * L - self.thread_length**2)
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Surroundings:
     """Numbers that effects may use of a system without a bench: the ambient pressure.
 
     A leak of gas is that of an equivalent valve orifice; of anything else it is the share that is lost each second.
-
-    Parameters
-    ----------
-    atmospheric_pressure : float, default=0
-        Pa; 0 where pressures are gauge pressures, or no gas is stored.
 
     Examples
     --------
@@ -155,7 +112,7 @@ class Surroundings:
     101325.0
     """
 
-    atmospheric_pressure: float = 0.0
+    atmospheric_pressure: Annotated[float, "Pa; 0 where pressures are gauge pressures, or no gas is stored."] = 0.0
     critical_pressure_ratio: ClassVar[float] = 0.5
     initial_contraction: ClassVar[None] = None
 

@@ -82,17 +82,11 @@ class PressureGain(_Sensitivity, OfPressure):
     r"""A pressure sensor with a wrong sensitivity.
 
     .. math:: P' = P + \delta\,(P - P_0)
-
-    Parameters
-    ----------
-    **values : float
-        ``deviation`` δ, relative deviation (dimensionless), ``zero`` P₀, where the sensor reads correctly (Pa,
-        absolute).
     """
 
     name = "pressure_gain"
-    deviation = parameter("-", -0.5, 0.5, 0.02, "deviation of the pressure from the zero", linear=True)
-    zero = parameter("Pa", 0.0, 1.2e5, ATMOSPHERIC_PRESSURE, "pressure at which the reading is right")
+    deviation = parameter("-", -0.5, 0.5, 0.02, "deviation of the pressure from the zero", linear=True, symbol="δ")
+    zero = parameter("Pa", 0.0, 1.2e5, ATMOSPHERIC_PRESSURE, "pressure at which the reading is right", symbol="P₀")
 
 
 class ForceGain(_Sensitivity, OfForce):

@@ -73,14 +73,6 @@ class Creep(_Springs):
 
     .. math:: \Delta F = -\sum_i k_i\,(\varepsilon - x_i), \qquad \tau_i\,\dot x_i = \varepsilon - x_i
 
-    Parameters
-    ----------
-    **values : float
-        ``stiffness`` k₁ (N) and ``time_constant`` τ₁ (s) of the fast spring, ``slow_stiffness`` k₂ (N) and
-        ``slow_time_constant`` τ₂ (s) of the slow one; ``settled``, how far both had relaxed from the neutral
-        contraction to the first one when a run begins; ``unknown``, by how much of the range of contraction their start
-        is unknown in each run (dimensionless; only for logs, a simulation knows it).
-
     References
     ----------
     T. V. Minh, T. Tjahjowidodo, H. Ramon, H. Van Brussel, "Cascade position control of a single pneumatic artificial
@@ -92,10 +84,12 @@ class Creep(_Springs):
     springs = ("stiffness", "slow_stiffness")
     source = "10.1016/j.mechatronics.2010.01.001"
     n_states = 2
-    stiffness = parameter("N", 0.0, 1e5, 120.0, "stiffness of the fast spring", linear=True, position=-1)
-    time_constant = parameter("s", 0.02, 10.0, 1.0, "relaxation time of the fast spring", simplest=True)
-    slow_stiffness = parameter("N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True, position=-1)
-    slow_time_constant = parameter("s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring")
+    stiffness = parameter("N", 0.0, 1e5, 120.0, "stiffness of the fast spring", linear=True, position=-1, symbol="k₁")
+    time_constant = parameter("s", 0.02, 10.0, 1.0, "relaxation time of the fast spring", simplest=True, symbol="τ₁")
+    slow_stiffness = parameter(
+        "N", 0.0, 1e5, 60.0, "stiffness of the slow spring", linear=True, position=-1, symbol="k₂"
+    )
+    slow_time_constant = parameter("s", 0.2, 1000.0, 5.0, "relaxation time of the slow spring", symbol="τ₂")
     settled = parameter("-", 0.0, 1.0, 1.0, "how far the springs had relaxed when a run begins", neutral=True)
     unknown = parameter("-", 0.0, 1.0, 0.0, "how much of what was before a run is unknown", before=True)
 
@@ -135,11 +129,6 @@ class Maxwell(_Springs):
 
     .. math:: \Delta F = -\sum_{i=1}^{3} k_i\,(x - x_i), \qquad \tau_i\,\dot x_i = x - x_i, \qquad
         \tau_i = \tfrac{1}{10}\,\tau,\; \tau,\; 10\,\tau
-
-    Parameters
-    ----------
-    **values : float
-        ``fast``, ``middle``, ``slow`` k (N per unit of the position), ``time_constant`` τ of the middle branch (s).
     """
 
     name = "maxwell"
@@ -149,10 +138,10 @@ class Maxwell(_Springs):
     prior = -4.0  # two springs, creep, are the simpler model
     n_states = 3
     fastest = min(ratios)
-    fast = parameter("N", 0.0, 1e5, 50.0, "stiffness of the fast branch", linear=True, position=-1)
-    middle = parameter("N", 0.0, 1e5, 50.0, "stiffness of the middle branch", linear=True, position=-1)
-    slow = parameter("N", 0.0, 1e5, 50.0, "stiffness of the slow branch", linear=True, position=-1)
-    time_constant = parameter("s", 0.02, 100.0, 0.5, "relaxation time of the middle branch", simplest=True)
+    fast = parameter("N", 0.0, 1e5, 50.0, "stiffness of the fast branch", linear=True, position=-1, symbol="k₁")
+    middle = parameter("N", 0.0, 1e5, 50.0, "stiffness of the middle branch", linear=True, position=-1, symbol="k₂")
+    slow = parameter("N", 0.0, 1e5, 50.0, "stiffness of the slow branch", linear=True, position=-1, symbol="k₃")
+    time_constant = parameter("s", 0.02, 100.0, 0.5, "relaxation time of the middle branch", simplest=True, symbol="τ")
 
 
 class PressureRelaxation(_Branches):
@@ -160,12 +149,6 @@ class PressureRelaxation(_Branches):
 
     .. math:: \Delta F = -\sum_{i=1}^{2} (a_i + b_i\,\varepsilon)\,(P - P_i), \qquad \tau_i\,\dot P_i = P - P_i,
         \qquad \tau_2 = 10\,\tau_1
-
-    Parameters
-    ----------
-    **values : float
-        ``fast``, ``slow`` a and their growth with contraction ``fast_growth``, ``slow_growth`` b (N/Pa),
-        ``time_constant`` τ₁ (s).
     """
 
     name = "pressure_relaxation"
@@ -174,11 +157,15 @@ class PressureRelaxation(_Branches):
     roles = ("position", "pressure")
     kinds = ("muscle",)
     n_states = 2
-    fast = parameter("N/Pa", -1e-3, 1e-2, 1e-5, "force that the fast branch holds back", linear=True)
-    slow = parameter("N/Pa", -1e-3, 1e-2, 0.0, "force that the slow branch holds back", linear=True)
-    fast_growth = parameter("N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1)
-    slow_growth = parameter("N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1)
-    time_constant = parameter("s", 0.05, 5.0, 0.5, "relaxation time of the fast branch")
+    fast = parameter("N/Pa", -1e-3, 1e-2, 1e-5, "force that the fast branch holds back", linear=True, symbol="a₁")
+    slow = parameter("N/Pa", -1e-3, 1e-2, 0.0, "force that the slow branch holds back", linear=True, symbol="a₂")
+    fast_growth = parameter(
+        "N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1, symbol="b₁"
+    )
+    slow_growth = parameter(
+        "N/Pa", -1e-2, 1e-2, 0.0, "its growth per contraction", linear=True, position=-1, symbol="b₂"
+    )
+    time_constant = parameter("s", 0.05, 5.0, 0.5, "relaxation time of the fast branch", symbol="τ₁")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the force of the branches, N."""

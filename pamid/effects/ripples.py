@@ -18,16 +18,11 @@ class PeriodicReading(OfAngle):
     r"""An eccentric encoder disc, the pitch of a scale or screw, an interpolator out of tune.
 
     .. math:: q' = q + a\,\sin(n q) + b\,\cos(n q)
-
-    Parameters
-    ----------
-    **values : float
-        ``sine`` a and ``cosine`` b (rad), ``rate`` n, periods in 2π of the position (1/rad; any number).
     """
 
-    sine = parameter("rad", -10.0, 10.0, 0.1, "amplitude of the sine", linear=True)
-    cosine = parameter("rad", -10.0, 10.0, 0.0, "amplitude of the cosine", linear=True)
-    rate = parameter("1/rad", 1e-2, 1e6, 10.0, "periods in 2π of the position", periods=True, position=-1)
+    sine = parameter("rad", -10.0, 10.0, 0.1, "amplitude of the sine", linear=True, symbol="a")
+    cosine = parameter("rad", -10.0, 10.0, 0.0, "amplitude of the cosine", linear=True, symbol="b")
+    rate = parameter("1/rad", 1e-2, 1e6, 10.0, "periods in 2π of the position", periods=True, position=-1, symbol="n")
 
     def measure(self, value: Array, x: Array) -> Array:
         """Return q + a sin(n q) + b cos(n q)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..errors import (
     MissingParameterError,
@@ -12,20 +12,15 @@ from ..errors import (
     UnknownOptionError,
     UnknownParameterError,
 )
+from ..explained import explained_fields
 from .base import Effect
 from .registry import all_effects, make_effect
 from .values import Parameter
 
 
+@explained_fields
 class EffectSpec(NamedTuple):
     """Name and parameters of an effect.
-
-    Parameters
-    ----------
-    name : str
-        Name of the effect.
-    values : dict of str to float
-        Its parameters by name.
 
     Examples
     --------
@@ -39,24 +34,15 @@ class EffectSpec(NamedTuple):
     conductance = 1e-10  # m^3/(s Pa)
     """
 
-    name: str
-    values: dict[str, float]
+    name: Annotated[str, "Name of the effect."]
+    values: Annotated[dict[str, float], "Its parameters by name."]
 
     @classmethod
     def of(cls, entry: EffectLike, in_units: bool = False) -> EffectSpec:
-        """Return an entry of a simulator file with all its parameters, checked.
+        """Return an entry of a simulator file, an effect, or a name with or without parameters, as a checked spec.
 
-        Parameters
-        ----------
-        entry : Effect or str or pair of name and parameters
-            The entry.
-        in_units : bool, default=False
-            Whether parameters are in the file's own units, so that physical ranges in SI do not apply.
-
-        Raises
-        ------
-        SimulatorTypeError, UnknownParameterError, ImplausibleParameterError
-            It is not an effect, its name or a parameter is unknown, or a value is out of range.
+        With ``in_units`` its parameters are in the file's own units, so that physical ranges in SI do not apply. What
+        is no effect, an unknown name or parameter, and a value out of range raise.
         """
         try:
             made = effect_of(entry, in_units)

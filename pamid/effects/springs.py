@@ -17,11 +17,6 @@ class BladderElasticity(Effect):
     r"""Bladder that widens as the muscle contracts, which lowers the tension.
 
     .. math:: \Delta F = -k_1\,\varepsilon - k_3\,\varepsilon^3
-
-    Parameters
-    ----------
-    **values : float
-        ``stiffness`` k₁ (N), ``cubic`` k₃ (N).
     """
 
     name = "bladder_elasticity"
@@ -29,8 +24,8 @@ class BladderElasticity(Effect):
     equations = ("force",)
     roles = ("position",)
     source = "10.1115/1.482478"
-    stiffness = parameter("N", 0.0, 1e5, 150.0, "force per contraction", linear=True, position=-1)
-    cubic = parameter("N", 0.0, 1e6, 0.0, "force per cubed contraction", linear=True, position=-3)
+    stiffness = parameter("N", 0.0, 1e5, 150.0, "force per contraction", linear=True, position=-1, symbol="k₁")
+    cubic = parameter("N", 0.0, 1e6, 0.0, "force per cubed contraction", linear=True, position=-3, symbol="k₃")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −k₁ ε − k₃ ε³, N."""
@@ -43,11 +38,6 @@ class BladderPreload(Effect):
     .. math:: \Delta F = -(F_0 + k\,\varepsilon + c\,\varepsilon^2)
 
     A negative c is a rubber that softens with stretch.
-
-    Parameters
-    ----------
-    **values : float
-        ``rest`` F₀, ``growth`` k and ``curvature`` c (N).
     """
 
     name = "bladder_preload"
@@ -56,9 +46,9 @@ class BladderPreload(Effect):
     roles = ("position",)
     kinds = ("muscle",)
     source = "10.1115/1.482478"
-    rest = parameter("N", 0.0, 1e4, 30.0, "force at rest length", linear=True)
-    growth = parameter("N", 0.0, 1e6, 500.0, "further force per contraction", linear=True, position=-1)
-    curvature = parameter("N", -1e7, 1e7, 0.0, "the same per squared contraction", linear=True, position=-2)
+    rest = parameter("N", 0.0, 1e4, 30.0, "force at rest length", linear=True, symbol="F₀")
+    growth = parameter("N", 0.0, 1e6, 500.0, "further force per contraction", linear=True, position=-1, symbol="k")
+    curvature = parameter("N", -1e7, 1e7, 0.0, "the same per squared contraction", linear=True, position=-2, symbol="c")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −(F₀ + k ε + c ε²), N."""
@@ -69,11 +59,6 @@ class NonlinearStiffness(Effect):
     r"""Restoring force beyond Hooke's law, as in a Duffing oscillator.
 
     .. math:: \Delta F = -k_2\,x^2 - k_3\,x^3
-
-    Parameters
-    ----------
-    **values : float
-        ``square`` k₂ (N/m²), ``cubic`` k₃ (N/m³) for a travel in m.
 
     References
     ----------
@@ -88,8 +73,8 @@ class NonlinearStiffness(Effect):
     kinds = ("joint", "motor")
     prior = -2.0  # a polynomial: what has a form of its own goes first
     source = "10.23919/ECC.2013.6669201"
-    square = parameter("N", -1e6, 1e6, 0.0, "force per squared travel", linear=True, position=-2)
-    cubic = parameter("N", -1e7, 1e7, 1e3, "force per cubed travel", linear=True, position=-3)
+    square = parameter("N", -1e6, 1e6, 0.0, "force per squared travel", linear=True, position=-2, symbol="k₂")
+    cubic = parameter("N", -1e7, 1e7, 1e3, "force per cubed travel", linear=True, position=-3, symbol="k₃")
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:
         """Return −k₂ x² − k₃ x³."""

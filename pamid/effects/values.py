@@ -71,6 +71,8 @@ class Parameter:
         Points of the grid on which its effect is sought; 0 for as many as it is otherwise divided into.
     neutral : bool, default=False
         Whether it counts from the neutral contraction of a muscle, which other systems do not have.
+    symbol : str, default=""
+        Its symbol in the equation of the effect.
 
     Examples
     --------
@@ -100,6 +102,7 @@ class Parameter:
     factor: bool = False
     points: int = 0
     neutral: bool = False
+    symbol: str = ""
 
     def over(self, span: float, speed: float = 0.0) -> Parameter:
         """Return it within the range that a position over ``span`` resolves: one period of it, to `MOST_PERIODS`.

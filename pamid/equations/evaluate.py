@@ -3,13 +3,14 @@
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 
 from ..bench.parameters import BenchParameters
 from ..errors import ReadingWarning, ShortTrajectoryError, UnitWarning
+from ..explained import explained_fields
 from ..signals.frames import as_pandas
 from .allowed import allowed_equations, residuals, without_windows
 from .base import Equation, Residual
@@ -23,20 +24,10 @@ _MOST = 0.5  # of the squared error
 _ABOVE = 1.5**2  # squared errors above that of the noise before it matters where they lie
 
 
+@explained_fields
 @dataclass(frozen=True)
 class TrajectoryEvaluation:
     """One equation on one run.
-
-    Parameters
-    ----------
-    rmse : float
-        Root mean square of the residual, in the equation's unit.
-    nrmse : float
-        `rmse` over the standard deviation of the measured side.
-    noise_floor : float
-        Root mean square of what the channels' noise leaves in the residual, in the equation's unit.
-    n_windows : int
-        Number of windows, those of both muscles counted.
 
     Examples
     --------
@@ -48,10 +39,12 @@ class TrajectoryEvaluation:
     True
     """
 
-    rmse: float
-    nrmse: float
-    noise_floor: float
-    n_windows: int
+    rmse: Annotated[float, "Root mean square of the residual, in the equation's unit."]
+    nrmse: Annotated[float, "`rmse` over the standard deviation of the measured side."]
+    noise_floor: Annotated[
+        float, "Root mean square of what the channels' noise leaves in the residual, in the equation's unit."
+    ]
+    n_windows: Annotated[int, "Number of windows, those of both muscles counted."]
 
 
 @dataclass(frozen=True)

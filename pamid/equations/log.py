@@ -63,13 +63,7 @@ class BenchLog:
 
     @cached_property
     def trajectories(self) -> list[tuple[str, slice]]:
-        """Name and rows of each run, in order.
-
-        Raises
-        ------
-        MissingTrajectoryError, InterleavedTrajectoryError, EmptyLogError
-            The log does not name its runs, mixes their rows, or has none.
-        """
+        """Name and rows of each run, in order; raise where runs are not named, are mixed, or do not exist."""
         log = self.table
         if "trajectory" not in log.columns:
             raise MissingTrajectoryError(
@@ -95,13 +89,7 @@ class BenchLog:
 
     @cached_property
     def times(self) -> list[np.ndarray]:
-        """The times of each run, s.
-
-        Raises
-        ------
-        NonFiniteError, TimeOrderError
-            A time is missing, or does not increase.
-        """
+        """The times of each run, s; one that is missing, or does not increase, raises."""
         return [_checked_time(self.numbers("time", rows), name) for name, rows in self.trajectories]
 
     def numbers(self, column: str, rows: slice = slice(None)) -> np.ndarray:
@@ -146,23 +134,11 @@ class BenchLog:
         return other
 
     def runs(self, model: Model, channels: list[str]) -> Iterator[Run]:
-        """Cut the log into stretches, one run at a time.
+        """Yield the stretches of a log, in order, one run at a time.
 
-        A stretch ends where a run ends and where angle or time are missing for longer than windows can bridge.
-        Shorter holes, uneven times and missing readings of other channels are bridged, see `pamid.equations.stretch`.
-
-        Parameters
-        ----------
-        model : Model
-            The simulator.
-        channels : list of str
-            The channels to read, of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read. A stretch that lacks one of
-            them comes without it.
-
-        Yields
-        ------
-        Run
-            The stretches in order.
+        A stretch ends where a run ends and where angle or time are missing for longer than windows can bridge. Shorter
+        holes, uneven times and missing readings of other channels are bridged, see `pamid.equations.stretch`. Channels
+        are of ``P``, ``F``, ``mdot``, ``u``; ``q`` is always read. A stretch that lacks one of them comes without it.
         """
         needed = ["time", *columns_of("q"), *(c for name in channels for c in columns_of(name))]
         if missing := [c for c in needed if c not in self.table.columns]:

@@ -1,26 +1,18 @@
 """The noise of a channel, estimated from its own log: changes between samples that no smooth motion explains."""
 
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
+from ..explained import explained_fields
 from ..signals.noise import DIFFERENCE, third_differences, white_noise
 
 _SINGLE = 3e-7  # rounding of a difference of steps of numbers in single precision, as a share of the largest
 
 
+@explained_fields
 class ChannelNoise(NamedTuple):
     """Noise of one channel in one run, in the unit of the channel.
-
-    Parameters
-    ----------
-    white : float
-        Standard deviation of what averages out over a window.
-    resolution : float
-        Step of the quantisation; 0 if the values show none.
-    fixed : float
-        Standard deviation of what does not average out: the quantisation error of a signal that rests between two
-        steps with too little noise to dither them.
 
     Examples
     --------
@@ -32,9 +24,13 @@ class ChannelNoise(NamedTuple):
     0.3 N a sample, 0.07 N in a mean of 20
     """
 
-    white: float
-    resolution: float
-    fixed: float
+    white: Annotated[float, "Standard deviation of what averages out over a window."]
+    resolution: Annotated[float, "Step of the quantisation; 0 if the values show none."]
+    fixed: Annotated[
+        float,
+        "Standard deviation of what does not average out: the quantisation error of a signal that rests between "
+        "two steps with too little noise to dither them.",
+    ]
 
     def variance(self, weights: np.ndarray) -> float:
         """Return the variance that the noise leaves in a sum of samples with these weights."""

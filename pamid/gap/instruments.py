@@ -22,13 +22,14 @@ matrix", Econometrica 55(3), 1987. https://doi.org/10.2307/1913610
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..bench.parameters import BenchParameters
 from ..errors import FitError, IncompatibleError, MissingColumnError, ParameterError
+from ..explained import explained_fields
 from ..simulators.base import Simulator
 from ..simulators.integrate import Runner, side_by_side
 from ..simulators.port_log import PortLog, port_log
@@ -49,17 +50,9 @@ REFERENCE = "reference_of_the_loop"
 """Channels of the references, with their number."""
 
 
+@explained_fields
 class Instrumented(NamedTuple):
     """A number that was estimated with instruments, and by least squares on the same equations.
-
-    Parameters
-    ----------
-    value, error : float
-        The estimate with instruments and its standard error, in the unit of the number.
-    least_squares : float
-        The estimate by least squares.
-    unit : str, default="-"
-        The unit.
 
     Examples
     --------
@@ -68,10 +61,10 @@ class Instrumented(NamedTuple):
     with instruments: mass 95.1 ± 0.5 kg (least squares: 94.2, 1.8 standard errors lower)
     """
 
-    value: float
-    error: float
-    least_squares: float
-    unit: str = "-"
+    value: Annotated[float, "The estimate with instruments and its standard error, in the unit of the number."]
+    error: Annotated[float, "The estimate with instruments and its standard error, in the unit of the number."]
+    least_squares: Annotated[float, "The estimate by least squares."]
+    unit: Annotated[str, "The unit."] = "-"
 
     @property
     def bias(self) -> float:

@@ -1,12 +1,13 @@
 """Refit the parameters of a simulator within their tolerances, as a diagnosis does: the rest is a gap."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
 from ..bench.parameters import BenchParameters
 from ..equations.log import BenchLog
+from ..explained import explained_fields
 from ..simulators.base import Simulator
 from .inference.gauss_newton import Fitter
 from .residuals.bench import Evidence
@@ -14,17 +15,9 @@ from .settings import MAX_ROWS
 from .simulated import evidence_of
 
 
+@explained_fields
 class Refit(NamedTuple):
     """Parameters refitted within their tolerances.
-
-    Parameters
-    ----------
-    params : BenchParameters or Simulator
-        The simulator with the refitted values.
-    changes : dict of str to float
-        Relative change of each parameter that has a tolerance.
-    at_bound : tuple of str
-        Parameters that ended at a bound of their tolerance.
 
     Examples
     --------
@@ -36,9 +29,9 @@ class Refit(NamedTuple):
     20.06 mm
     """
 
-    params: Any
-    changes: dict[str, float]
-    at_bound: tuple[str, ...]
+    params: Annotated[Any, "The BenchParameters or Simulator with the refitted values."]
+    changes: Annotated[dict[str, float], "Relative change of each parameter that has a tolerance."]
+    at_bound: Annotated[tuple[str, ...], "Parameters that ended at a bound of their tolerance."]
 
 
 def refit_within_tolerance(log: pd.DataFrame, params: BenchParameters | Simulator) -> Refit:

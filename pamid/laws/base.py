@@ -58,19 +58,8 @@ class Law(ABC):
         """Return the factors of V, ∂V/∂ε and ∂V/∂P at each sample of ``state``."""
 
     def predict(self, V: Array, V_eps: Array, V_P: Array, state: State) -> Array:
-        """Apply the law to a volume and its derivatives.
-
-        Parameters
-        ----------
-        V, V_eps, V_P : array, shape (n_samples,)
-            Volume (m³) and its derivatives (m³, m³/Pa).
-        state : State
-            Signals of the muscle, SI units, absolute pressure.
-
-        Returns
-        -------
-        array, shape (n_samples,)
-            The prediction, in the law's `unit`.
+        """Return the prediction, in the law's `unit`, from a volume (m³), its derivatives (m³, m³/Pa) and the signals
+        of the muscle.
         """
         c = self.coefficients(state)
         return c.V * V + c.V_eps * V_eps + c.V_P * V_P

@@ -1,11 +1,13 @@
 """Two muscles that pull on one pulley against each other: kinematics, torque and motion."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
+from ..explained import explained_fields
 from ..signals.state import Array
 
 
+@explained_fields
 @dataclass(frozen=True)
 class AntagonisticJoint:
     r"""Joint of two identical muscles on one pulley.
@@ -16,19 +18,6 @@ class AntagonisticJoint:
     A positive angle shortens muscle 1 and stretches muscle 2, so tension of muscle 1 turns the joint to positive
     angles; the work of muscle 1 on the joint is r F₁ dq = −F₁ dL₁.
 
-    Parameters
-    ----------
-    pulley_radius : float
-        r, m.
-    rest_length : float
-        L₀ of each muscle, m.
-    initial_contraction : float
-        ε₀ of both muscles at q = 0, dimensionless.
-    inertia : float
-        J of the joint, kg m².
-    viscous_damping : float, default=0
-        b_q, N m s/rad.
-
     Examples
     --------
     >>> from pamid.laws.joint import AntagonisticJoint
@@ -38,11 +27,11 @@ class AntagonisticJoint:
     0.16 and 0.08
     """
 
-    pulley_radius: float
-    rest_length: float
-    initial_contraction: float
-    inertia: float
-    viscous_damping: float = 0.0
+    pulley_radius: Annotated[float, "r, m."]
+    rest_length: Annotated[float, "L₀ of each muscle, m."]
+    initial_contraction: Annotated[float, "ε₀ of both muscles at q = 0, dimensionless."]
+    inertia: Annotated[float, "J of the joint, kg m²."]
+    viscous_damping: Annotated[float, "b_q, N m s/rad."] = 0.0
 
     equation: ClassVar[str] = "joint"
     target: ClassVar[str] = "q"

@@ -1,13 +1,15 @@
 """Quasi-static force by virtual work, the law of `StaticPIHM` and of every geometric force model."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_fields
 from ..signals.state import State
 from .base import Coefficients, Law
 
 
+@explained_fields
 @dataclass(frozen=True)
 class QuasiStaticForce(Law):
     r"""Tension of a muscle from the virtual work of its gas.
@@ -16,13 +18,6 @@ class QuasiStaticForce(Law):
         \quad\Rightarrow\quad F = \frac{P - P_\mathrm{atm}}{L_0}\,\frac{\partial V}{\partial\varepsilon}
 
     with the gauge pressure :math:`p = P - P_\mathrm{atm}`.
-
-    Parameters
-    ----------
-    rest_length : float
-        Rest length L₀, m.
-    atmospheric_pressure : float, default=101325
-        Ambient pressure, Pa, absolute.
 
     References
     ----------
@@ -38,8 +33,8 @@ class QuasiStaticForce(Law):
     300.0
     """
 
-    rest_length: float
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    rest_length: Annotated[float, "Rest length L₀, m."]
+    atmospheric_pressure: Annotated[float, "Ambient pressure, Pa, absolute."] = ATMOSPHERIC_PRESSURE
 
     equation: ClassVar[str] = "force"
     target: ClassVar[str] = "F"

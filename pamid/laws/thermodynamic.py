@@ -1,28 +1,21 @@
 """Gas flow into a chamber of changing volume, the law of `ThermodynamicPIHM`."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 from ..constants import GAS_CONSTANT, HEAT_CAPACITY_RATIO, TEMPERATURE
+from ..explained import explained_fields
 from ..signals.state import State
 from .base import Coefficients, Law
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ThermodynamicFlow(Law):
     r"""Mass flow into a muscle from the first law of thermodynamics.
 
     .. math:: \dot m = \frac{\dot P V}{\gamma R T} + \frac{P \dot V}{R T}, \qquad
         \dot V = \frac{\partial V}{\partial\varepsilon}\dot\varepsilon + \frac{\partial V}{\partial P}\dot P
-
-    Parameters
-    ----------
-    heat_capacity_ratio : float, default=1.4
-        γ, dimensionless; 1 is an isothermal chamber.
-    gas_constant : float, default=287
-        R, J/(kg K).
-    temperature : float, default=293
-        T, K.
 
     References
     ----------
@@ -38,9 +31,9 @@ class ThermodynamicFlow(Law):
     5.95e-05 kg/s into a muscle of 70 cm³ whose pressure rises by 1 bar/s
     """
 
-    heat_capacity_ratio: float = HEAT_CAPACITY_RATIO
-    gas_constant: float = GAS_CONSTANT
-    temperature: float = TEMPERATURE
+    heat_capacity_ratio: Annotated[float, "γ, dimensionless; 1 is an isothermal chamber."] = HEAT_CAPACITY_RATIO
+    gas_constant: Annotated[float, "R, J/(kg K)."] = GAS_CONSTANT
+    temperature: Annotated[float, "T, K."] = TEMPERATURE
 
     equation: ClassVar[str] = "flow"
     target: ClassVar[str] = "mdot"

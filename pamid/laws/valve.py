@@ -1,11 +1,12 @@
 """Servo valve after ISO 6358: the mass flow that a command lets through."""
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE, REFERENCE_DENSITY
+from ..explained import explained_fields
 from ..signals.state import Array
 from ._backend import namespace
 
@@ -122,24 +123,10 @@ def valve_flow(
     return sonic_conductance * reference_density * u * xp.where(u > 0, filling, venting)
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Valve:
     """A servo valve between a supply and the surroundings, with its numbers.
-
-    Parameters
-    ----------
-    sonic_conductance : float
-        C at full opening, m³/(s Pa).
-    critical_pressure_ratio : float
-        b_c, dimensionless.
-    supply_pressure : float
-        Pa, absolute.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
-    reference_density : float, default=1.185
-        ρ₀, kg/m³.
-    linear_from : float, optional
-        Pressure ratio above which the flow falls linearly to zero; see `flow_function`.
 
     Examples
     --------
@@ -149,12 +136,14 @@ class Valve:
     2.47 g/s
     """
 
-    sonic_conductance: float
-    critical_pressure_ratio: float
-    supply_pressure: float
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
-    reference_density: float = REFERENCE_DENSITY
-    linear_from: float | None = None
+    sonic_conductance: Annotated[float, "C at full opening, m³/(s Pa)."]
+    critical_pressure_ratio: Annotated[float, "b_c, dimensionless."]
+    supply_pressure: Annotated[float, "Pa, absolute."]
+    atmospheric_pressure: Annotated[float, "Pa, absolute."] = ATMOSPHERIC_PRESSURE
+    reference_density: Annotated[float, "ρ₀, kg/m³."] = REFERENCE_DENSITY
+    linear_from: Annotated[
+        float | None, "Pressure ratio above which the flow falls linearly to zero; see `flow_function`."
+    ] = None
 
     equation: ClassVar[str] = "valve"
     target: ClassVar[str] = "mdot"

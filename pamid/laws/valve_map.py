@@ -1,11 +1,12 @@
 """A servo valve by its measured map: mass flow over command and pressure, as a table of polynomials."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 
 from ..errors import ExcitationError, ParameterError, ShapeError
+from ..explained import explained_fields
 from ..signals.state import Array
 from ._backend import namespace
 
@@ -13,6 +14,7 @@ _LEAST = 30
 """Samples on each side of the middle position, below which no map is identified."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ValveMap:
     r"""Mass flow of a servo valve as a characteristic map, identified from measured flow.
@@ -23,17 +25,6 @@ class ValveMap:
     φ is what leaks at the middle position; ψ₊ holds for u > 0 (filling), ψ₋ for u < 0 (venting), since the passages
     differ. Unlike ISO 6358 (`pamid.laws.valve.Valve`) it presumes nothing of the passages, and needs data that cover
     both directions over all pressures.
-
-    Parameters
-    ----------
-    leakage : tuple of float
-        Coefficients of φ, kg/s, lowest power first.
-    filling, venting : tuple of float
-        Coefficients of ψ₊ and ψ₋, kg/s at u = ±1, lowest power first.
-    supply_pressure : float
-        P_s, Pa, absolute.
-    lowest, highest : float
-        Range of the pressures of the fit, Pa, absolute, at whose ends the polynomials are held.
 
     Notes
     -----
@@ -62,12 +53,14 @@ class ValveMap:
     True
     """
 
-    leakage: tuple[float, ...]
-    filling: tuple[float, ...]
-    venting: tuple[float, ...]
-    supply_pressure: float
-    lowest: float
-    highest: float
+    leakage: Annotated[tuple[float, ...], "Coefficients of φ, kg/s, lowest power first."]
+    filling: Annotated[tuple[float, ...], "Coefficients of ψ₊ and ψ₋, kg/s at u = ±1, lowest power first."]
+    venting: Annotated[tuple[float, ...], "Coefficients of ψ₊ and ψ₋, kg/s at u = ±1, lowest power first."]
+    supply_pressure: Annotated[float, "P_s, Pa, absolute."]
+    lowest: Annotated[float, "Range of the pressures of the fit, Pa, absolute, at whose ends the polynomials are held."]
+    highest: Annotated[
+        float, "Range of the pressures of the fit, Pa, absolute, at whose ends the polynomials are held."
+    ]
 
     equation: ClassVar[str] = "valve"
     target: ClassVar[str] = "mdot"

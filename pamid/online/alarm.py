@@ -123,12 +123,8 @@ class DriftAlarm:
             return np.where(self.squares > 0, self.sums / np.sqrt(self.squares), 0.0)
 
     def calibrate(self, statistics: np.ndarray) -> None:
-        """Measure the size of T on a healthy stretch.
-
-        Parameters
-        ----------
-        statistics : array, shape (n_blocks, n_parameters)
-            What `statistic` returned along it.
+        """Measure the size of T on a healthy stretch, from what `statistic` returned along it, shape (n_blocks,
+        n_parameters).
         """
         settled = statistics[min(len(statistics) // 10, 20) :]
         if len(settled):

@@ -129,24 +129,9 @@ class ChangeMonitor:
         self.random_state = random_state
 
     def calibrate(self, X: Any, y: Any) -> Self:
-        """Learn the model's residuals on healthy data.
+        """Learn the model's residuals on healthy data in time order, rows that it was not fitted on; return itself.
 
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            What the model reads, in time order; rows that it was not fitted on.
-        y : array, shape (n_samples,)
-            What it predicts, measured.
-
-        Returns
-        -------
-        ChangeMonitor
-            Itself.
-
-        Raises
-        ------
-        ParameterError
-            If the stretch is too short for the correlation time of its residuals.
+        A stretch that is too short for the correlation time of its residuals raises a `ParameterError`.
         """
         signals, squares = self._residuals(X, y)
         known = np.isfinite(squares)
@@ -175,13 +160,7 @@ class ChangeMonitor:
         return self.restart()
 
     def restart(self) -> Self:
-        """Forget the stream and any alarm, but not the healthy stretch.
-
-        Returns
-        -------
-        ChangeMonitor
-            Itself.
-        """
+        """Forget the stream and any alarm, but not the healthy stretch; return itself."""
         self.evidence, self.n_left_out = 0.0, 0
         self.changed_at: float | None = None
         self._waiting = np.empty(0)
@@ -189,24 +168,9 @@ class ChangeMonitor:
         return self
 
     def update(self, X: Any, y: Any) -> bool:
-        """Take the samples that follow.
+        """Take the samples that follow, as in `calibrate`; return whether the stream has changed since, now or before.
 
-        Parameters
-        ----------
-        X : DataFrame or array, shape (n_samples, n_columns)
-            As in `calibrate`.
-        y : array, shape (n_samples,)
-            As in `calibrate`.
-
-        Returns
-        -------
-        bool
-            Whether the stream has changed since the healthy stretch, now or before.
-
-        Warns
-        -----
-        StreamChangeWarning
-            Once, when it is detected.
+        A `StreamChangeWarning` says so once, when it is detected.
         """
         if not hasattr(self, "threshold"):
             raise ParameterError("The monitor is not calibrated.", "a healthy stretch first", "Call calibrate.")

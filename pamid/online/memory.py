@@ -85,21 +85,8 @@ class StreamedEffect:
         self.last = Signals(**state["last"]) if state else None
 
     def linearised(self, state: State, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Advance over a block and return the contribution and its derivatives.
-
-        Parameters
-        ----------
-        state : State
-            Signals of the block, each of shape (n_samples,).
-        values : array, shape (n_parameters,)
-            Present values of the followed parameters.
-
-        Returns
-        -------
-        contribution : array, shape (n_samples,)
-            N or kg/s.
-        derivatives : array, shape (n_samples, n_parameters)
-            By the parameters.
+        """Advance over a block; return the contribution (N or kg/s) at present values of the followed parameters, and
+        its derivatives by them, shape (n_samples, n_parameters).
         """
         s = Signals.of_state(state)
         memory = self._along(s)

@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 
 from ..effects.plant import Plant
 from ..effects.spec import effect_of
 from ..errors import EmptyLogError, MissingColumnError, ParameterError
+from ..explained import explained_fields
 from ..laws.base import Law
 from ..signals.state import STATE_SIGNALS, State
 from ..volume.base import VolumeModel
@@ -26,24 +27,10 @@ WILD = 30.0
 """Times the noise beyond which a sample is wild."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Finding:
     """What a monitor has found.
-
-    Parameters
-    ----------
-    effect : str
-        The effect that explains the change best, or ``"unknown"`` where the residual grew and none does.
-    equation : str
-        The equation in which it appeared.
-    time : float
-        When the alarm was raised, s.
-    strength : float
-        Evidence over its threshold, above one.
-    value : float
-        Estimate of the effect's parameter, in its own unit; NaN if unknown.
-    unit : str
-        Its unit.
 
     Examples
     --------
@@ -53,12 +40,14 @@ class Finding:
     'leakage after 22.4 s: 5e-11 m^3/(s Pa)'
     """
 
-    effect: str
-    equation: str
-    time: float
-    strength: float
-    value: float
-    unit: str
+    effect: Annotated[
+        str, 'The effect that explains the change best, or ``"unknown"`` where the residual grew and none does.'
+    ]
+    equation: Annotated[str, "The equation in which it appeared."]
+    time: Annotated[float, "When the alarm was raised, s."]
+    strength: Annotated[float, "Evidence over its threshold, above one."]
+    value: Annotated[float, "Estimate of the effect's parameter, in its own unit; NaN if unknown."]
+    unit: Annotated[str, "Its unit."]
 
 
 class _Watch:
@@ -190,17 +179,11 @@ class GapMonitor:
         return self.sensors.stuck
 
     def calibrate(self, table: Any) -> Self:
-        """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence.
+        """Learn from a healthy stretch: scale and offset of the model, its noise, and the size of the evidence; return
+        itself.
 
-        Parameters
-        ----------
-        table : DataFrame
-            Columns ``eps``, ``deps``, ``P``, ``dP`` and the measured ``F`` and ``mdot``; a minute or more.
-
-        Returns
-        -------
-        GapMonitor
-            Itself.
+        The table has the columns ``eps``, ``deps``, ``P``, ``dP`` and the measured ``F`` and ``mdot``, a minute or
+        more.
         """
         state, measured = self._columns(table)
         n = len(state.eps)
@@ -244,17 +227,9 @@ class GapMonitor:
         return np.array(out[1:])
 
     def update(self, table: Any) -> list[Finding]:
-        """Take the next samples, in their order.
+        """Take the next samples, in their order; return the alarms raised in them, at most one per block and equation.
 
-        Parameters
-        ----------
-        table : DataFrame
-            As for `calibrate`, with ``time`` (s) for the findings if there is one.
-
-        Returns
-        -------
-        list of Finding
-            Alarms raised in these samples, at most one per block and equation.
+        The table is as for `calibrate`, with ``time`` (s) for the findings if there is one.
         """
         if not self.calibrated:
             raise ParameterError(

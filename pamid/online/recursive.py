@@ -103,21 +103,10 @@ class RecursiveEstimate:
         return np.sqrt(np.diag(self._filter.P))
 
     def update(self, H: np.ndarray, y: np.ndarray, noise: float) -> np.ndarray:
-        """Take a block of samples.
+        """Take a block of samples and return which of them were used.
 
-        Parameters
-        ----------
-        H : array, shape (n_samples, n_parameters)
-            What each parameter contributes to each sample.
-        y : array, shape (n_samples,)
-            Measured values; NaN where there is none.
-        noise : float
-            Standard deviation of a sample, or what it was when the scatter began.
-
-        Returns
-        -------
-        array of bool, shape (n_samples,)
-            Which samples were used.
+        H, shape (n_samples, n_parameters), is what each parameter contributes to each sample; a measured value may be
+        NaN; the noise is the standard deviation of a sample, or what it was when the scatter began.
         """
         kalman = self._filter
         n = len(self.limit)

@@ -5,10 +5,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 from ..errors import MissingDependencyError, ParameterError, SimulatorFileError, SimulatorNotFoundError
 from ..errors import SimulatorSyntaxError as Broken
+from ..explained import explained_fields
 from ..simulators import MujocoSimulator, Simulator
 from ..simulators.ports import ModelParameter
 from ..systems import all_systems, read_system
@@ -44,20 +45,10 @@ class FittedNumber:
     """Bounds of its fit."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class FittedParameters:
     """What a tool fitted.
-
-    Parameters
-    ----------
-    numbers : dict of str to FittedNumber
-        By the tool's own names, or by those of the simulator after `of`.
-    unmatched : tuple of str
-        Names that match no number of the simulator.
-    model : Path or None
-        The fitted model or page itself, where that is what the tool writes.
-    source : str
-        The file's name.
 
     Examples
     --------
@@ -67,28 +58,18 @@ class FittedParameters:
     2.1
     """
 
-    numbers: dict[str, FittedNumber] = field(default_factory=dict)
-    unmatched: tuple[str, ...] = ()
-    model: Path | None = None
-    source: str = ""
+    numbers: Annotated[dict[str, FittedNumber], "By the tool's own names, or by those of the simulator after `of`."] = (
+        field(default_factory=dict)
+    )
+    unmatched: Annotated[tuple[str, ...], "Names that match no number of the simulator."] = ()
+    model: Annotated[Path | None, "The fitted model or page itself, where that is what the tool writes."] = None
+    source: Annotated[str, "The file's name."] = ""
 
     def of(self, simulator: Simulator) -> Self:
-        """Return the fit by the names of a simulator's numbers.
+        """Return the fit by the names of a simulator's numbers, with `unmatched`, the names that match none.
 
-        Parameters
-        ----------
-        simulator : Simulator
-            The simulator; of a fitted model, the numbers that differ from this one's are those fitted.
-
-        Returns
-        -------
-        FittedParameters
-            With `unmatched`, the names that match none.
-
-        Raises
-        ------
-        ParameterError
-            None of the names matches.
+        Of a fitted model, the numbers that differ from this simulator's are those fitted. A `ParameterError` says that
+        none of the names matches.
         """
         if self.model is not None:
             return self._of_model(simulator)

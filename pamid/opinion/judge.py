@@ -3,12 +3,12 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 
-from ..explained import explained_by
+from ..explained import explained_by, explained_fields
 from ..gap.diagnosis.result import Diagnosis
 from ..gap.several.logs import diagnose
 from ..signals.frames import as_pandas
@@ -30,27 +30,10 @@ POSITIVE = ("body_mass.", "dof_armature.", "dof_damping.", "dof_frictionloss.", 
 """Numbers that cannot be negative."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Judgement:
     """The verdict on one fitted number.
-
-    Parameters
-    ----------
-    name : str
-        Its name in the simulator.
-    status : str
-        ``"holds"``, ``"absorbed"`` (it took up missing physics), ``"open"`` (this log does not determine it), ``"off"``
-        (the log gives another value, without a cause) or ``"not tested"``.
-    fitted : float
-        As the tool fitted it.
-    value : float
-        As this log gives it once the missing effects are added.
-    ci90 : (float, float)
-        Its 90 % interval; infinite where the log does not determine it.
-    unit : str
-        Its unit.
-    why : str
-        Reason for the status.
 
     Examples
     --------
@@ -59,37 +42,23 @@ class Judgement:
     'absorbed'
     """
 
-    name: str
-    status: str
-    fitted: float
-    value: float
-    ci90: tuple[float, float]
-    unit: str = "-"
-    why: str = ""
+    name: Annotated[str, "Its name in the simulator."]
+    status: Annotated[
+        str,
+        '``"holds"``, ``"absorbed"`` (it took up missing physics), ``"open"`` (this log does not determine it), '
+        '``"off"`` (the log gives another value, without a cause) or ``"not tested"``.',
+    ]
+    fitted: Annotated[float, "As the tool fitted it."]
+    value: Annotated[float, "As this log gives it once the missing effects are added."]
+    ci90: Annotated[tuple[float, float], "Its 90 % interval; infinite where the log does not determine it."]
+    unit: Annotated[str, "Its unit."] = "-"
+    why: Annotated[str, "Reason for the status."] = ""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Opinion:
     """The second opinion on a fit.
-
-    Parameters
-    ----------
-    numbers : list of Judgement
-        One for each fitted number.
-    missing : list of str
-        Effects that the simulator lacks, with the port: what was absorbed.
-    flat : list of Open
-        Combinations that this log leaves open.
-    diagnosis : Diagnosis
-        What the log says with the fitted numbers free to move.
-    next_run : str
-        What another run would have to do; empty where none is needed.
-    agreement : float
-        Probability that the numbers differ as much between runs by chance; NaN of a single run.
-    unmatched : tuple of str
-        Fitted numbers without a counterpart in the simulator.
-    source : str
-        Where the fit comes from.
 
     ranges : dict of str to (float, float)
         Range of each signal of the log.
@@ -101,15 +70,17 @@ class Opinion:
     'Names of the numbers that took up missing physics.'
     """
 
-    numbers: list[Judgement]
-    missing: list[str]
-    flat: list[Open]
-    diagnosis: Diagnosis
-    next_run: str
-    agreement: float
-    unmatched: tuple[str, ...] = ()
-    source: str = ""
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
+    numbers: Annotated[list[Judgement], "One for each fitted number."]
+    missing: Annotated[list[str], "Effects that the simulator lacks, with the port: what was absorbed."]
+    flat: Annotated[list[Open], "Combinations that this log leaves open."]
+    diagnosis: Annotated[Diagnosis, "What the log says with the fitted numbers free to move."]
+    next_run: Annotated[str, "What another run would have to do; empty where none is needed."]
+    agreement: Annotated[
+        float, "Probability that the numbers differ as much between runs by chance; NaN of a single run."
+    ]
+    unmatched: Annotated[tuple[str, ...], "Fitted numbers without a counterpart in the simulator."] = ()
+    source: Annotated[str, "Where the fit comes from."] = ""
+    ranges: Annotated[dict[str, tuple[float, float]], "Range of each signal of the log."] = field(default_factory=dict)
 
     @property
     def absorbed(self) -> list[str]:

@@ -6,12 +6,13 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 
 from ..errors import ParameterError, SimulatorFileError, SimulatorNotFoundError, SimulatorSyntaxError
+from ..explained import explained_fields
 from ..file_sets import replacing_together
 from ..names import refuse_others
 from ..simulators import Simulator
@@ -60,26 +61,10 @@ class RigCheck:
     """Signals that leave the range on which the passport holds."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Passport:
     """Numbers of a simulator with what a log says about them.
-
-    Parameters
-    ----------
-    numbers : dict of str to Entry
-        By name.
-    ranges : dict of str to (float, float)
-        Range of each signal of the log.
-    flat : list of dict
-        Directions that the log leaves open: relative weights by name.
-    agreement : float
-        Probability that the numbers differ as much between its runs by chance; NaN of one run.
-    missing : list of str
-        Effects that the simulator lacked.
-    log : str
-        Name of the log.
-    rigs : list of RigCheck
-        Other logs that it was checked on.
 
     Examples
     --------
@@ -90,25 +75,21 @@ class Passport:
     True
     """
 
-    numbers: dict[str, Entry]
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    flat: list[dict[str, float]] = field(default_factory=list)
-    agreement: float | None = None
-    missing: list[str] = field(default_factory=list)
-    log: str = ""
-    rigs: list[RigCheck] = field(default_factory=list)
+    numbers: Annotated[dict[str, Entry], "By name."]
+    ranges: Annotated[dict[str, tuple[float, float]], "Range of each signal of the log."] = field(default_factory=dict)
+    flat: Annotated[list[dict[str, float]], "Directions that the log leaves open: relative weights by name."] = field(
+        default_factory=list
+    )
+    agreement: Annotated[
+        float | None, "Probability that the numbers differ as much between its runs by chance; NaN of one run."
+    ] = None
+    missing: Annotated[list[str], "Effects that the simulator lacked."] = field(default_factory=list)
+    log: Annotated[str, "Name of the log."] = ""
+    rigs: Annotated[list[RigCheck], "Other logs that it was checked on."] = field(default_factory=list)
 
     @classmethod
     def of(cls, opinion: Opinion, log: str = "") -> Self:
-        """Return the passport that an opinion gives.
-
-        Parameters
-        ----------
-        opinion : Opinion
-            The opinion.
-        log : str, default=""
-            Name of its log.
-        """
+        """Return the passport that an opinion gives, with the name of its log."""
         numbers = {j.name: Entry(j.value, *j.ci90, j.unit, j.status, j.fitted) for j in opinion.numbers}
         agreement = None if np.isnan(opinion.agreement) else opinion.agreement
         flat = [dict(f.weights) for f in opinion.flat]
@@ -116,26 +97,10 @@ class Passport:
 
     # --- another log ----------------------------------------------------------------------------------------
     def check(self, log: pd.DataFrame, simulator: Simulator, name: str) -> Self:
-        """Return the passport, checked on another rig's log.
+        """Return the passport with one more `RigCheck`, on another rig's log under a name.
 
-        Parameters
-        ----------
-        log : DataFrame
-            The other log.
-        simulator : Simulator
-            The simulator, its missing effects among it where there were any (``corrected.toml``).
-        name : str
-            What to call the log.
-
-        Returns
-        -------
-        Passport
-            With one more `RigCheck`.
-
-        Raises
-        ------
-        ParameterError
-            The passport names no number that a fit could move, or one that the simulator does not have.
+        The simulator has its missing effects, where there were any (``corrected.toml``). A `ParameterError` says that
+        the passport names no number that a fit could move, or one that the simulator does not have.
         """
         from scipy.stats import norm
 
@@ -178,13 +143,7 @@ class Passport:
 
     @classmethod
     def read(cls, path: str | Path) -> Self:
-        """Return the passport of a file.
-
-        Raises
-        ------
-        SimulatorNotFoundError, SimulatorSyntaxError
-            It cannot be read, or is not a passport.
-        """
+        """Return the passport of a file; raise a `SimulatorFileError` where it cannot be read or is not a passport."""
         return cls._of(read_toml(path, "a passport", _ERRORS))
 
     @classmethod

@@ -1,7 +1,7 @@
 """Static force of a muscle over contraction and pressure."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -9,26 +9,17 @@ from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import MissingColumnError, ParameterError
+from ..explained import explained_fields
 from ..signals.thinning import spaced
 from ._display import Display
 from ._signals import resting
 from .style import drawn_on, style
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class ForceMapDisplay(Display):
     """Force over contraction and gauge pressure at rest, with the samples that a fit had.
-
-    Parameters
-    ----------
-    eps : ndarray, shape (n_eps,)
-        Contraction ratio, dimensionless.
-    p_gauge : ndarray, shape (n_pressures,)
-        Gauge pressure, Pa.
-    force : ndarray, shape (n_pressures, n_eps)
-        Force at rest (no rates), N.
-    samples : ndarray, shape (n_samples, 2)
-        Contraction and gauge pressure of some samples.
 
     Examples
     --------
@@ -42,10 +33,10 @@ class ForceMapDisplay(Display):
     (60, 60)
     """
 
-    eps: np.ndarray
-    p_gauge: np.ndarray
-    force: np.ndarray
-    samples: np.ndarray
+    eps: Annotated[np.ndarray, "Contraction ratio, dimensionless; shape (n_eps,)."]
+    p_gauge: Annotated[np.ndarray, "Gauge pressure, Pa; shape (n_pressures,)."]
+    force: Annotated[np.ndarray, "Force at rest (no rates), N; shape (n_pressures, n_eps)."]
+    samples: Annotated[np.ndarray, "Contraction and gauge pressure of some samples; shape (n_samples, 2)."]
 
     @classmethod
     def from_estimator(

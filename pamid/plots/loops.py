@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from ..errors import UnknownOptionError
+from ..explained import explained_fields
 from ._display import Display
 from ._signals import axis_of, column, predicted, runs_of, same_length, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
@@ -16,24 +17,12 @@ from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class LoopDisplay(Display):
     """Target over the contraction (or another signal), run by run, measured and predicted.
 
     The width of a loop is what a static model cannot follow: hysteresis, friction, lags.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n_samples,)
-        Signal on the axis, SI.
-    y_true, y_pred : ndarray, shape (n_samples,)
-        Measured and predicted target, SI.
-    groups : ndarray, shape (n_samples,)
-        Run of each sample.
-    across : str, default="eps"
-        What x is: a column's name.
-    unit : str, default="N"
-        SI unit of the target.
 
     Examples
     --------
@@ -48,12 +37,12 @@ class LoopDisplay(Display):
     'force / N'
     """
 
-    x: np.ndarray
-    y_true: np.ndarray
-    y_pred: np.ndarray
-    groups: np.ndarray
-    across: str = "eps"
-    unit: str = "N"
+    x: Annotated[np.ndarray, "Signal on the axis, SI; shape (n_samples,)."]
+    y_true: Annotated[np.ndarray, "Measured and predicted target, SI; shape (n_samples,)."]
+    y_pred: Annotated[np.ndarray, "Measured and predicted target, SI; shape (n_samples,)."]
+    groups: Annotated[np.ndarray, "Run of each sample; shape (n_samples,)."]
+    across: Annotated[str, "What x is: a column's name."] = "eps"
+    unit: Annotated[str, "SI unit of the target."] = "N"
 
     def __post_init__(self) -> None:
         same_length(x=self.x, y_true=self.y_true, y_pred=self.y_pred, groups=self.groups)

@@ -1,13 +1,14 @@
 """Where over the state a model errs, and which way."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from ..errors import ParameterError
+from ..explained import explained_fields
 from ._display import Display
 from ._signals import axis_of, column, predicted, same_length, target_of
 from .style import drawn_on, style
@@ -16,20 +17,10 @@ _BACK = "#E4E4E4"  # where there are no data
 _FEWEST = 3  # samples in a cell that is drawn
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class ResidualMapDisplay(Display):
     """Mean of measured less predicted over two signals of the state.
-
-    Parameters
-    ----------
-    edges_x, edges_y : ndarray
-        Edges of the cells, SI.
-    residual : ndarray, shape (n_y, n_x)
-        Mean residual of each cell, SI; NaN where there are too few samples.
-    over : tuple of str
-        The two columns.
-    unit : str, default="N"
-        SI unit of the target.
 
     See Also
     --------
@@ -46,11 +37,13 @@ class ResidualMapDisplay(Display):
     ((14, 18), True)
     """
 
-    edges_x: np.ndarray
-    edges_y: np.ndarray
-    residual: np.ndarray
-    over: tuple[str, str]
-    unit: str = "N"
+    edges_x: Annotated[np.ndarray, "Edges of the cells, SI."]
+    edges_y: Annotated[np.ndarray, "Edges of the cells, SI."]
+    residual: Annotated[
+        np.ndarray, "Mean residual of each cell, SI; NaN where there are too few samples; shape (n_y, n_x)."
+    ]
+    over: Annotated[tuple[str, str], "The two columns."]
+    unit: Annotated[str, "SI unit of the target."] = "N"
 
     @classmethod
     def from_estimator(

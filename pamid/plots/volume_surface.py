@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..errors import IncompatibleError, ParameterError
+from ..explained import explained_fields
 from ..requirements import WithVolume
 from ..signals.thinning import spaced
 from ._display import Display
@@ -19,23 +20,13 @@ from .style import INK, drawn_on, style
 _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pale
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class VolumeSurfaceDisplay(Display):
     """Identified volume over contraction and gauge pressure, and its relative uncertainty as lines.
 
     The uncertainty is the spread of the volume among estimators that were fitted on different runs: what other runs
     would have given. It says nothing about errors that all of them share, such as a wrong diameter.
-
-    Parameters
-    ----------
-    eps : ndarray, shape (n_eps,)
-        Contraction ratio, dimensionless.
-    p_gauge : ndarray, shape (n_pressures,)
-        Gauge pressure, Pa.
-    V, V_std : ndarray, shape (n_pressures, n_eps)
-        Volume and its standard deviation, m³.
-    known : ndarray of bool, shape (n_pressures, n_eps)
-        Where there were samples nearby.
 
     Examples
     --------
@@ -51,11 +42,11 @@ class VolumeSurfaceDisplay(Display):
     ((40, 40), True)
     """
 
-    eps: np.ndarray
-    p_gauge: np.ndarray
-    V: np.ndarray
-    V_std: np.ndarray
-    known: np.ndarray
+    eps: Annotated[np.ndarray, "Contraction ratio, dimensionless; shape (n_eps,)."]
+    p_gauge: Annotated[np.ndarray, "Gauge pressure, Pa; shape (n_pressures,)."]
+    V: Annotated[np.ndarray, "Volume and its standard deviation, m³; shape (n_pressures, n_eps)."]
+    V_std: Annotated[np.ndarray, "Volume and its standard deviation, m³; shape (n_pressures, n_eps)."]
+    known: Annotated[np.ndarray, "Where there were samples nearby; shape (n_pressures, n_eps)."]
 
     @classmethod
     def from_estimator(

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from ..errors import ExcitationError, IncompatibleError, MissingColumnError
+from ..explained import explained_fields
 from ..requirements import WithVolume
 from ._signals import resting
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
@@ -19,22 +20,10 @@ _POINTS = 81
 _LEAST = 5e-3  # contraction over which a volume is drawn at least
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class VolumeDisplay:
     """Identified volume of a muscle over its contraction, at several pressures, beside its geometry.
-
-    Parameters
-    ----------
-    eps : ndarray, shape (n_points,)
-        Contraction ratio, dimensionless.
-    pressures : ndarray, shape (n_pressures,)
-        Absolute pressures, Pa.
-    V, V_eps : ndarray, shape (n_pressures, n_points)
-        Volume and its slope ∂V/∂ε, m³.
-    covered : ndarray, shape (n_pressures, 2)
-        Contractions between which there were data near each pressure.
-    geometry : dict of str to tuple of ndarray
-        Volume and slope of geometric models to draw beside, by name.
 
     See Also
     --------
@@ -53,12 +42,16 @@ class VolumeDisplay:
     (3, 81)
     """
 
-    eps: np.ndarray
-    pressures: np.ndarray
-    V: np.ndarray
-    V_eps: np.ndarray
-    covered: np.ndarray
-    geometry: dict[str, tuple[np.ndarray, np.ndarray]]
+    eps: Annotated[np.ndarray, "Contraction ratio, dimensionless; shape (n_points,)."]
+    pressures: Annotated[np.ndarray, "Absolute pressures, Pa; shape (n_pressures,)."]
+    V: Annotated[np.ndarray, "Volume and its slope ∂V/∂ε, m³; shape (n_pressures, n_points)."]
+    V_eps: Annotated[np.ndarray, "Volume and its slope ∂V/∂ε, m³; shape (n_pressures, n_points)."]
+    covered: Annotated[
+        np.ndarray, "Contractions between which there were data near each pressure; shape (n_pressures, 2)."
+    ]
+    geometry: Annotated[
+        dict[str, tuple[np.ndarray, np.ndarray]], "Volume and slope of geometric models to draw beside, by name."
+    ]
 
     @classmethod
     def from_estimator(

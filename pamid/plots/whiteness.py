@@ -1,27 +1,24 @@
 """Whether a residual is white and unrelated to inputs, as a picture."""
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
 from ..compare.whiteness import ResidualTest, residual_test
+from ..explained import explained_fields
 from .style import BLUE, FAINT, GREY, ORANGE, new_figure, style
 
 
+@explained_fields
 @dataclass(eq=False, repr=False)
 class ResidualTestDisplay:
     """Autocorrelation of a residual, and its correlation with each input, with their bands.
 
     What leaves a band is orange: before lag 0 it is feedback to that input, from lag 0 on an influence that the model
     lacks.
-
-    Parameters
-    ----------
-    test : ResidualTest
-        What `pamid.compare.residual_test` found.
 
     Attributes
     ----------
@@ -44,7 +41,7 @@ class ResidualTestDisplay:
     2
     """
 
-    test: ResidualTest
+    test: Annotated[ResidualTest, "What `pamid.compare.residual_test` found."]
 
     @classmethod
     def from_estimator(
@@ -81,33 +78,15 @@ class ResidualTestDisplay:
     def from_predictions(
         cls, y: Any, predicted: Any, inputs: Any, *, groups: Any = None, lags: int = 25, interval: float = 1.0
     ) -> Self:
-        """Test what predictions leave.
+        """Test what predictions leave, with signals that may explain it as a mapping or DataFrame.
 
-        Parameters
-        ----------
-        y, predicted : array_like, shape (n_samples,)
-            Measured and predicted target.
-        inputs : mapping of str to array_like, or DataFrame
-            Signals that may explain what is left.
-        groups, lags, interval : optional
-            As for `from_estimator`.
-
-        Returns
-        -------
-        ResidualTestDisplay
-            To be drawn with ``plot``.
+        The other parameters are those of `from_estimator`.
         """
         error = np.asarray(y, dtype=float) - np.asarray(predicted, dtype=float)
         return cls(residual_test(error, dict(inputs), groups, lags=lags, interval=interval))
 
     def plot(self) -> Self:
-        """Draw in a new figure.
-
-        Returns
-        -------
-        ResidualTestDisplay
-            With the attributes ``figure_`` and ``axes_``.
-        """
+        """Draw in a new figure; return itself, with the attributes ``figure_`` and ``axes_``."""
         test, names = self.test, list(self.test.cross)
         with style():
             self.figure_: Figure

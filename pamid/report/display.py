@@ -50,38 +50,13 @@ class GapDisplay:
 
     @classmethod
     def from_diagnosis(cls, diagnosis: Diagnosis) -> Self:
-        """Return the display of a diagnosis.
-
-        Parameters
-        ----------
-        diagnosis : Diagnosis
-            What `pamid.gap.diagnose` returned.
-
-        Returns
-        -------
-        GapDisplay
-            To be drawn with ``plot``.
-        """
+        """Return the display of a diagnosis, to be drawn with ``plot``."""
         return cls(diagnosis)
 
     @classmethod
     def from_estimator(cls, estimator: Any) -> Self:
-        """Return the display of a fitted estimator's findings.
-
-        Parameters
-        ----------
-        estimator : estimator
-            A fitted one with the attribute ``diagnosis_``.
-
-        Returns
-        -------
-        GapDisplay
-            To be drawn with ``plot``.
-
-        Raises
-        ------
-        ParameterError
-            If the estimator holds no diagnosis.
+        """Return the display of what a fitted estimator found, its ``diagnosis_``; raise a `ParameterError` without
+        one.
         """
         diagnosis = getattr(estimator, "diagnosis_", None)
         if diagnosis is None:

@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from ..equations import all_equations
+from ..explained import explained_fields
 from ..gap.diagnosis.findings import Cause, Closure, NextExperiment, Region
 from ..gap.diagnosis.result import Diagnosis
 from .causes import cause_names, causes_listed, either, size
@@ -48,15 +49,9 @@ _ALLOWED = {
 _FEW_RUNS = 3  # below this number of runs, pieces of a log are held out in turn
 
 
+@explained_fields
 class Answers(NamedTuple):
     """A diagnosis in four sentences.
-
-    Parameters
-    ----------
-    verdict : str
-        The answer in a few words.
-    where, which, how_far : str
-        One sentence each; of several causes `which` has a line each.
 
     Examples
     --------
@@ -68,10 +63,10 @@ class Answers(NamedTuple):
     There is nothing to close.
     """
 
-    verdict: str
-    where: str
-    which: str
-    how_far: str
+    verdict: Annotated[str, "The answer in a few words."]
+    where: Annotated[str, "One sentence each; of several causes `which` has a line each."]
+    which: Annotated[str, "One sentence each; of several causes `which` has a line each."]
+    how_far: Annotated[str, "One sentence each; of several causes `which` has a line each."]
 
     def __str__(self) -> str:
         return "\n".join(" ".join(sentence.splitlines()) for sentence in self if sentence)

@@ -8,11 +8,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
-from typing import Any, Self, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Self, get_args, get_origin, get_type_hints
 
 from pamid.constants import ATMOSPHERIC_PRESSURE
 from pamid.errors import LogNotFoundError, MappingError, UnitError
 
+from ..explained import explained_fields
 from ..names import require_one_of
 from ..toml_files import TomlErrors, read_toml
 from .formats._encoding import is_encoding
@@ -24,42 +25,12 @@ _ORDERS = ("raise", "sort", "split")
 _DUPLICATES = ("drop", "mean", "raise", "keep")
 
 
+@explained_fields
 @dataclass(frozen=True)
 class SignalMapping:
     """One signal: where it is in the log and how it is converted to SI.
 
     The value is ``unit(sign · scale · (raw + offset))``, then made absolute where it is gauge pressure.
-
-    Parameters
-    ----------
-    column : str or int or None
-        Name or position (from 0) of the source column; None: the signal's own name.
-    unit : str or None
-        Unit of the source, such as ``"kPa"`` or ``"L/min ANR"`` (see `pamid.signals.UNITS`); None: SI.
-    gauge : bool or None
-        For pressures: whether the source is gauge pressure. It is then made absolute with the ambient pressure, unless
-        the signal's name (``p``, ``p_gauge``) keeps it gauge. None: what the unit (``barg``) or else the name says.
-    scale : float
-        Factor on the raw value, before the unit; a calibration such as kPa per ADC step.
-    offset : float
-        Added to the raw value, before scale and unit.
-    sign : int
-        1 or -1: turns the direction.
-    offset_after : float
-        Added after scale, still in the unit: the intercept of a calibration line.
-    subtract_zero_run : bool
-        Whether to subtract the mean of this column in the zero run (see `LogMapping.zero_run`).
-    source : str
-        ``"value"``, or for ``eps``: ``"length"`` (the column is the muscle's length L, ε = (L₀ - L)/L₀) or
-        ``"shortening"`` (the column is L₀ - L). Both need the constant ``rest_length``.
-    allowed : tuple of float or None
-        Values that the raw column may take; rows with others are corrupt and left out.
-    range : tuple of two floats or None
-        Range of the raw column; rows outside are corrupt and left out.
-    check : bool
-        Whether the values must look like their unit; False overrides the check.
-    own : bool
-        Whether the name is a simulator's own and says nothing of the unit, such as ``u`` for a force.
 
     Examples
     --------
@@ -68,37 +39,47 @@ class SignalMapping:
     'kPa'
     """
 
-    column: str | int | None = None
-    unit: str | None = None
-    gauge: bool | None = None
-    scale: float = 1.0
-    offset: float = 0.0
-    sign: int = 1
-    offset_after: float = 0.0
-    subtract_zero_run: bool = False
-    source: str = "value"
-    allowed: tuple[float, ...] | None = None
-    range: tuple[float, float] | None = None
-    check: bool = True
-    own: bool = False
+    column: Annotated[
+        str | int | None, "Name or position (from 0) of the source column; None: the signal's own name."
+    ] = None
+    unit: Annotated[
+        str | None, 'Unit of the source, such as ``"kPa"`` or ``"L/min ANR"`` (see `pamid.signals.UNITS`); None: SI.'
+    ] = None
+    gauge: Annotated[
+        bool | None,
+        "For pressures: whether the source is gauge pressure. It is then made absolute with the ambient pressure, "
+        "unless the signal's name (``p``, ``p_gauge``) keeps it gauge. None: what the unit (``barg``) or else the "
+        "name says.",
+    ] = None
+    scale: Annotated[float, "Factor on the raw value, before the unit; a calibration such as kPa per ADC step."] = 1.0
+    offset: Annotated[float, "Added to the raw value, before scale and unit."] = 0.0
+    sign: Annotated[int, "1 or -1: turns the direction."] = 1
+    offset_after: Annotated[float, "Added after scale, still in the unit: the intercept of a calibration line."] = 0.0
+    subtract_zero_run: Annotated[
+        bool, "Whether to subtract the mean of this column in the zero run (see `LogMapping.zero_run`)."
+    ] = False
+    source: Annotated[
+        str,
+        '``"value"``, or for ``eps``: ``"length"`` (the column is the muscle\'s length L, ε = (L₀ - L)/L₀) or '
+        '``"shortening"`` (the column is L₀ - L). Both need the constant ``rest_length``.',
+    ] = "value"
+    allowed: Annotated[
+        tuple[float, ...] | None, "Values that the raw column may take; rows with others are corrupt and left out."
+    ] = None
+    range: Annotated[tuple[float, float] | None, "Range of the raw column; rows outside are corrupt and left out."] = (
+        None
+    )
+    check: Annotated[bool, "Whether the values must look like their unit; False overrides the check."] = True
+    own: Annotated[
+        bool, "Whether the name is a simulator's own and says nothing of the unit, such as ``u`` for a force."
+    ] = False
 
     @classmethod
     def from_value(cls, signal: str, value: Any, own: bool = False) -> Self:
-        """Build from a column's name or position, or from a table of settings.
+        """Build from a column's name or position, or from a table of settings, and check.
 
-        Parameters
-        ----------
-        signal : str
-            Name of the signal, for messages and to check the unit's dimension.
-        value : str, int, mapping or SignalMapping
-            The settings.
-        own : bool, default=False
-            Whether a unit of another quantity than the name's is a sign that the name is a simulator's own.
-
-        Returns
-        -------
-        SignalMapping
-            The checked settings.
+        The name of the signal serves messages and the check of its unit; with ``own`` a unit of another quantity than
+        the name's is a sign that the name is a simulator's own.
         """
         if isinstance(value, cls):
             mapping = value
@@ -148,18 +129,7 @@ class SignalMapping:
             raise MappingError(f"{signal}.range is {list(self.range)}.", "[lowest, highest]", "Correct it.")
 
     def si_unit(self, signal: str) -> Unit | None:
-        """Look up the unit, checked against the signal's quantity.
-
-        Parameters
-        ----------
-        signal : str
-            Name of the signal.
-
-        Returns
-        -------
-        Unit or None
-            None where no unit is given: the source is SI.
-        """
+        """Return the unit, checked against the signal's quantity; None where none is given: the source is SI."""
         if self.unit is None:
             return None
         if self.own:
@@ -173,18 +143,7 @@ class SignalMapping:
         return dimension_of(signal) if self.source == "value" else "length"
 
     def is_gauge(self, signal: str) -> bool:
-        """Return whether the source is gauge pressure.
-
-        Parameters
-        ----------
-        signal : str
-            Name of the signal.
-
-        Returns
-        -------
-        bool
-            From `gauge`, else from the unit, else from the signal's name.
-        """
+        """Return whether the source is gauge pressure: by `gauge`, else the unit, else the signal's name."""
         unit = self.si_unit(signal)
         if self.gauge is not None:
             return self.gauge
@@ -215,18 +174,7 @@ class FileConstants:
     constants: Mapping[str, float | str]
 
     def matches(self, path: str | Path) -> bool:
-        """Return whether a file's name matches.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of a log file.
-
-        Returns
-        -------
-        bool
-            Whether its name, or its whole path after some folder, matches the pattern.
-        """
+        """Return whether a file's name, or its whole path after some folder, matches the pattern."""
         name = Path(path).as_posix()
         return fnmatch.fnmatchcase(Path(path).name, self.match) or fnmatch.fnmatchcase(name, f"*/{self.match}")
 
@@ -394,18 +342,7 @@ class LogMapping:
         return "trajectory" if self.trajectory is None else self.trajectory
 
     def constants_of(self, path: str | Path) -> dict[str, float]:
-        """Collect the constants of one file, in SI.
-
-        Parameters
-        ----------
-        path : str or Path
-            Path of the log file.
-
-        Returns
-        -------
-        dict of str to float
-            Constants of every file, overridden by those of each matching pattern.
-        """
+        """Return the constants of one file, in SI: those of each matching pattern override those of every file."""
         constants = dict(self.constants)
         for entry in self.files:
             if entry.matches(path):

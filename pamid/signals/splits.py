@@ -40,43 +40,15 @@ class _TrajectorySplitter(BaseCrossValidator):
         """Return the fold of each row, numbered from 0."""
 
     def split(self, X: Any, y: Any = None, groups: Any = None) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-        """Yield the folds.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, shape (n_samples, n_features)
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row; a column ``trajectory`` of X serves as well.
-
-        Yields
-        ------
-        tuple of two ndarrays of int
-            Rows to train on and rows to test on.
+        """Yield the rows to train on and to test on, fold by fold; `groups` or a column ``trajectory`` of X names the
+        runs.
         """
         folds = self._folds(X, self._names(X, groups))
         for fold in range(int(folds.max()) + 1):
             yield np.flatnonzero(folds != fold), np.flatnonzero(folds == fold)
 
     def get_n_splits(self, X: Any = None, y: Any = None, groups: Any = None) -> int:
-        """Count the folds.
-
-        Parameters
-        ----------
-        X : DataFrame or array_like, optional
-            The table.
-        y : array_like, optional
-            Ignored.
-        groups : array_like, optional
-            Run of each row.
-
-        Returns
-        -------
-        int
-            Number of folds.
-        """
+        """Return the number of folds of a table and its runs."""
         return int(self._folds(X, self._names(X, groups)).max()) + 1
 
     def _names(self, X: Any, groups: Any) -> np.ndarray:

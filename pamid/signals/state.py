@@ -1,24 +1,16 @@
 """The state of one muscle over many samples, the input of every law and volume model; roles of columns."""
 
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
+
+from ..explained import explained_fields
 
 Array = Any
 """A numpy array or a torch tensor; the laws and volume models take either."""
 
 
+@explained_fields
 class State(NamedTuple):
     """Signals of one muscle, one entry per sample.
-
-    Parameters
-    ----------
-    eps : array, shape (n_samples,)
-        Contraction ratio ε = (L₀ − L)/L₀, dimensionless.
-    deps : array, shape (n_samples,)
-        Its rate ε̇, 1/s.
-    P : array, shape (n_samples,)
-        Gas pressure in the muscle, Pa, absolute.
-    dP : array, shape (n_samples,)
-        Its rate Ṗ, Pa/s.
 
     Examples
     --------
@@ -29,10 +21,10 @@ class State(NamedTuple):
     array([300000.])
     """
 
-    eps: Array
-    deps: Array
-    P: Array
-    dP: Array  # noqa: N815 - the field's own name
+    eps: Annotated[Array, "Contraction ratio ε = (L₀ − L)/L₀, dimensionless; an array of shape (n_samples,)."]
+    deps: Annotated[Array, "Its rate ε̇, 1/s; an array of shape (n_samples,)."]
+    P: Annotated[Array, "Gas pressure in the muscle, Pa, absolute; an array of shape (n_samples,)."]
+    dP: Annotated[Array, "Its rate Ṗ, Pa/s; an array of shape (n_samples,)."]  # noqa: N815 - the field's own name
 
 
 STATE_SIGNALS = State._fields

@@ -173,13 +173,7 @@ class Simulator(AnySimulator):
         return self._of("output")
 
     def port(self, name: str) -> Port:
-        """Return a port by its name.
-
-        Raises
-        ------
-        ParameterError
-            No such name.
-        """
+        """Return a port by its name; raise a `ParameterError` where there is none."""
         for p in self.ports:
             if p.name == name:
                 return p

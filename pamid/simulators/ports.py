@@ -6,11 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from ..errors import ParameterError
+from ..explained import explained_fields
 from ..names import require_one_of
 
 KINDS = ("input", "output", "state", "joint", "chamber", "parameter")
@@ -103,18 +104,10 @@ class Port:
         return 0.0 if self.start is None else float(self.start)
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ModelParameter:
     """A number of a simulator.
-
-    Parameters
-    ----------
-    value : float
-        Its value.
-    tolerance : float, default=0.0
-        Relative: how well it is known. What a change within it explains is not a gap; 0 holds it fixed.
-    unit : str, default="-"
-        Its unit.
 
     Raises
     ------
@@ -128,9 +121,11 @@ class ModelParameter:
     'ohm'
     """
 
-    value: float
-    tolerance: float = 0.0
-    unit: str = "-"
+    value: Annotated[float, "Its value."]
+    tolerance: Annotated[
+        float, "Relative: how well it is known. What a change within it explains is not a gap; 0 holds it fixed."
+    ] = 0.0
+    unit: Annotated[str, "Its unit."] = "-"
 
     def __post_init__(self) -> None:
         for name in ("value", "tolerance"):

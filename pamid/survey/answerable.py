@@ -3,8 +3,9 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
+from ..explained import explained_fields
 from .coverage import Coverage
 from .sampling import Sampling
 
@@ -20,22 +21,10 @@ _SETS = {
 _QUICK = 200.0  # Hz: sampling that shows delays of a few ms
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Answerable:
     """Whether one question can be answered.
-
-    Parameters
-    ----------
-    question : str
-        In words: what the effects are, or which are to be distinguished.
-    effects : tuple of str
-        Their names in the library.
-    answer : str
-        ``"yes"``, ``"partly"`` or ``"no"``.
-    why : str
-        The reason, with numbers.
-    record : str
-        What would help; empty for a yes.
 
     Examples
     --------
@@ -47,11 +36,11 @@ class Answerable:
     (True, True)
     """
 
-    question: str
-    effects: tuple[str, ...]
-    answer: str
-    why: str
-    record: str = ""
+    question: Annotated[str, "In words: what the effects are, or which are to be distinguished."]
+    effects: Annotated[tuple[str, ...], "Their names in the library."]
+    answer: Annotated[str, '``"yes"``, ``"partly"`` or ``"no"``.']
+    why: Annotated[str, "The reason, with numbers."]
+    record: Annotated[str, "What would help; empty for a yes."] = ""
 
 
 class Rule(NamedTuple):

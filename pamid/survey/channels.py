@@ -1,10 +1,12 @@
 """One channel of a log: range, noise, steps, missing, frozen and clipped readings."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
+from ..explained import explained_fields
 from ..signals import noise_level
 from ..signals.noise import quantisation_step
 from ..signals.stretches import stretches_of, stuck_rows
@@ -18,32 +20,10 @@ _LEAST_EDGE = 0.005
 _MOST_RUNS = 60
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Channel:
     """What one channel reads.
-
-    Parameters
-    ----------
-    name : str
-        Signal.
-    unit : str
-        SI unit; empty where the name does not say.
-    low, high : float
-        Range.
-    missing : float
-        Share of missing readings.
-    longest_missing : float
-        Longest stretch of missing readings, s.
-    frozen : float
-        Share of readings that repeat one value for long while other channels move.
-    clipped : str
-        ``"low"``, ``"high"``, ``"both"`` or empty: the end of the range at which readings pile up.
-    noise : float
-        Standard deviation of white noise, unit of the channel.
-    step : float
-        Step of quantisation, 0 where none is seen.
-    moves : bool
-        Whether the range is well above the noise.
 
     Examples
     --------
@@ -55,17 +35,19 @@ class Channel:
     'Pa, moves: True'
     """
 
-    name: str
-    unit: str
-    low: float
-    high: float
-    missing: float
-    longest_missing: float
-    frozen: float
-    clipped: str
-    noise: float
-    step: float
-    moves: bool
+    name: Annotated[str, "Signal."]
+    unit: Annotated[str, "SI unit; empty where the name does not say."]
+    low: Annotated[float, "Range."]
+    high: Annotated[float, "Range."]
+    missing: Annotated[float, "Share of missing readings."]
+    longest_missing: Annotated[float, "Longest stretch of missing readings, s."]
+    frozen: Annotated[float, "Share of readings that repeat one value for long while other channels move."]
+    clipped: Annotated[
+        str, '``"low"``, ``"high"``, ``"both"`` or empty: the end of the range at which readings pile up.'
+    ]
+    noise: Annotated[float, "Standard deviation of white noise, unit of the channel."]
+    step: Annotated[float, "Step of quantisation, 0 where none is seen."]
+    moves: Annotated[bool, "Whether the range is well above the noise."]
 
     @property
     def bits(self) -> float:

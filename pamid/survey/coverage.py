@@ -1,11 +1,12 @@
 """How far a log excites what it records: ranges, speeds, directions, holds, bandwidth."""
 
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from ..explained import explained_fields
 from ..signals import differentiate, noise_level, tune_cutoff
 from ..signals.stretches import stretches_of
 from ..signals.thinning import spaced
@@ -20,40 +21,10 @@ _MOST_TUNED = 3
 _TUNED = 5000  # rows of a run by which the cut-off is chosen
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Coverage:
     """What a log excites, in SI.
-
-    Parameters
-    ----------
-    position, pressure, target : str
-        Signals that were analysed; empty where the log has none. Of a bench these are its joint and muscle 1.
-    position_range, pressure_range : float
-        Swing between the 0.5 and 99.5 % quantiles.
-    slow, fast : float
-        Slowest and fastest tenth of the speeds while moving, unit of the position per s.
-    up, down, still : float
-        Shares of the time in which the position grows, falls, stands.
-    reversals : int
-        Turns of the position well above its noise.
-    amplitudes : int
-        Different amplitudes between turns (a factor of 1.5 apart).
-    correlation : float
-        Between position and pressure; at ±1 their effects cannot be distinguished.
-    longest_hold : float
-        Longest stretch with the position standing still, s.
-    sealed : float
-        Time with all valves shut, s; NaN where no command is logged.
-    sealed_levels : int
-        Different pressures among sealed stretches (0.5 bar apart).
-    held_pressure_moves : float
-        Swing of the pressure while the position stands still, Pa.
-    bandwidth : float
-        Frequency below which 99 % of the movement's power lies, Hz.
-    lowest : float
-        Lowest frequency that the longest run resolves, Hz.
-    command : tuple of float
-        Smallest and largest absolute command while a valve is open; NaN without.
 
     Examples
     --------
@@ -64,26 +35,40 @@ class Coverage:
     True
     """
 
-    position: str = ""
-    pressure: str = ""
-    target: str = ""
-    position_range: float = float("nan")
-    pressure_range: float = float("nan")
-    slow: float = float("nan")
-    fast: float = float("nan")
-    up: float = 0.0
-    down: float = 0.0
-    still: float = 1.0
-    reversals: int = 0
-    amplitudes: int = 0
-    correlation: float = float("nan")
-    longest_hold: float = 0.0
-    sealed: float = float("nan")
-    sealed_levels: int = 0
-    held_pressure_moves: float = 0.0
-    bandwidth: float = float("nan")
-    lowest: float = float("nan")
-    command: tuple[float, float] = field(default=(float("nan"), float("nan")))
+    position: Annotated[
+        str, "Signals that were analysed; empty where the log has none. Of a bench these are its joint and muscle 1."
+    ] = ""
+    pressure: Annotated[
+        str, "Signals that were analysed; empty where the log has none. Of a bench these are its joint and muscle 1."
+    ] = ""
+    target: Annotated[
+        str, "Signals that were analysed; empty where the log has none. Of a bench these are its joint and muscle 1."
+    ] = ""
+    position_range: Annotated[float, "Swing between the 0.5 and 99.5 % quantiles."] = float("nan")
+    pressure_range: Annotated[float, "Swing between the 0.5 and 99.5 % quantiles."] = float("nan")
+    slow: Annotated[float, "Slowest and fastest tenth of the speeds while moving, unit of the position per s."] = float(
+        "nan"
+    )
+    fast: Annotated[float, "Slowest and fastest tenth of the speeds while moving, unit of the position per s."] = float(
+        "nan"
+    )
+    up: Annotated[float, "Shares of the time in which the position grows, falls, stands."] = 0.0
+    down: Annotated[float, "Shares of the time in which the position grows, falls, stands."] = 0.0
+    still: Annotated[float, "Shares of the time in which the position grows, falls, stands."] = 1.0
+    reversals: Annotated[int, "Turns of the position well above its noise."] = 0
+    amplitudes: Annotated[int, "Different amplitudes between turns (a factor of 1.5 apart)."] = 0
+    correlation: Annotated[float, "Between position and pressure; at ±1 their effects cannot be distinguished."] = (
+        float("nan")
+    )
+    longest_hold: Annotated[float, "Longest stretch with the position standing still, s."] = 0.0
+    sealed: Annotated[float, "Time with all valves shut, s; NaN where no command is logged."] = float("nan")
+    sealed_levels: Annotated[int, "Different pressures among sealed stretches (0.5 bar apart)."] = 0
+    held_pressure_moves: Annotated[float, "Swing of the pressure while the position stands still, Pa."] = 0.0
+    bandwidth: Annotated[float, "Frequency below which 99 % of the movement's power lies, Hz."] = float("nan")
+    lowest: Annotated[float, "Lowest frequency that the longest run resolves, Hz."] = float("nan")
+    command: Annotated[
+        tuple[float, float], "Smallest and largest absolute command while a valve is open; NaN without."
+    ] = field(default=(float("nan"), float("nan")))
 
 
 def first_of(log: pd.DataFrame, names: tuple[str, ...]) -> str:

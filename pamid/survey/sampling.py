@@ -2,10 +2,12 @@
 
 from collections import Counter
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import pandas as pd
 
+from ..explained import explained_fields
 from ..signals.splits import kind_of
 
 _GAP = 5.0  # sampling intervals
@@ -15,34 +17,10 @@ _ALIKE = 0.1  # of the spread: two runs that differ by less are a repeat
 _MOST_RUNS = 80
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Sampling:
     """Runs of a log and their clock.
-
-    Parameters
-    ----------
-    rows, runs : int
-        Rows and runs.
-    kinds : dict of str to int
-        Runs of each kind (the first part of a run's name).
-    seconds : float
-        Recorded time, s.
-    shortest, longest : float
-        Length of the shortest and the longest run, s.
-    period : float
-        Median sampling period, s.
-    jitter : float
-        Standard deviation of the period over its median, gaps left out, dimensionless.
-    gaps : int
-        Steps of time longer than five periods.
-    longest_gap : float
-        s.
-    mixed : bool
-        Whether the runs have different periods.
-    repeats : int
-        Runs that repeat an earlier one.
-    repeat_error : dict of str to float
-        For each signal the standard deviation between repeats, in its unit.
 
     Examples
     --------
@@ -54,19 +32,19 @@ class Sampling:
     '1000 Hz, 0 gaps'
     """
 
-    rows: int
-    runs: int
-    kinds: dict[str, int]
-    seconds: float
-    shortest: float
-    longest: float
-    period: float
-    jitter: float
-    gaps: int
-    longest_gap: float
-    mixed: bool
-    repeats: int
-    repeat_error: dict[str, float]
+    rows: Annotated[int, "Rows and runs."]
+    runs: Annotated[int, "Rows and runs."]
+    kinds: Annotated[dict[str, int], "Runs of each kind (the first part of a run's name)."]
+    seconds: Annotated[float, "Recorded time, s."]
+    shortest: Annotated[float, "Length of the shortest and the longest run, s."]
+    longest: Annotated[float, "Length of the shortest and the longest run, s."]
+    period: Annotated[float, "Median sampling period, s."]
+    jitter: Annotated[float, "Standard deviation of the period over its median, gaps left out, dimensionless."]
+    gaps: Annotated[int, "Steps of time longer than five periods."]
+    longest_gap: Annotated[float, "s."]
+    mixed: Annotated[bool, "Whether the runs have different periods."]
+    repeats: Annotated[int, "Runs that repeat an earlier one."]
+    repeat_error: Annotated[dict[str, float], "For each signal the standard deviation between repeats, in its unit."]
 
     @property
     def rate(self) -> float:

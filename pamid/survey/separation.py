@@ -1,7 +1,7 @@
 """Which effects of the library a log of the bench would show, and which it could not distinguish, by its simulator."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -10,6 +10,7 @@ from ..bench.parameters import BenchParameters
 from ..effects import all_effects
 from ..effects.registry import chosen_effects
 from ..equations.log import BenchLog
+from ..explained import explained_fields
 from ..gap.design.family import STANDARD
 from ..gap.residuals.bench import Evidence
 
@@ -21,22 +22,10 @@ some ten per cent allows no finer distinction."""
 _MOST_ROWS = 60_000
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Separation:
     """How well a log shows one effect of typical size.
-
-    Parameters
-    ----------
-    effect : str
-        Its name.
-    family : str
-        Its family.
-    signal : float
-        Its size in standard deviations of the noise, after removing what the tolerances explain.
-    alike : tuple of str
-        Effects that would explain it as well.
-    seen : bool
-        Whether it would be seen at all.
 
     Examples
     --------
@@ -45,11 +34,13 @@ class Separation:
     ('flow_bias',)
     """
 
-    effect: str
-    family: str
-    signal: float
-    alike: tuple[str, ...]
-    seen: bool
+    effect: Annotated[str, "Its name."]
+    family: Annotated[str, "Its family."]
+    signal: Annotated[
+        float, "Its size in standard deviations of the noise, after removing what the tolerances explain."
+    ]
+    alike: Annotated[tuple[str, ...], "Effects that would explain it as well."]
+    seen: Annotated[bool, "Whether it would be seen at all."]
 
 
 def separation(log: BenchLog, params: BenchParameters) -> tuple[list[Separation], dict[str, Any] | None]:

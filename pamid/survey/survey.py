@@ -1,7 +1,7 @@
 """Everything about a log in one place."""
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 import pandas as pd
 
@@ -9,6 +9,7 @@ from ..bench.parameters import BenchParameters
 from ..equations.log import BenchLog
 from ..equations.unit_doubts import unit_doubts
 from ..errors import EmptyLogError, PamidError
+from ..explained import explained_fields
 from ..json_data import json_ready
 from ..signals.frames import as_pandas
 from ..signals.guess import guess_kind
@@ -25,30 +26,10 @@ _LEAST_BITS = 6.0
 _LEAST_RATE = 20.0  # samples in a period of the quickest movement
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Survey:
     """The content of a log, and what can be identified from it.
-
-    Parameters
-    ----------
-    sampling : Sampling
-        Runs and clock.
-    channels : list of Channel
-        The channels.
-    coverage : Coverage
-        What it excites.
-    answers : list of Answerable
-        What can be answered from it.
-    separations : list of Separation
-        For a bench with a simulator: each effect of the library.
-    next_run : dict or None
-        For a bench with a simulator: the run that would distinguish most.
-    warnings : list of str
-        What is wrong or doubtful.
-    record : list of str
-        What to record next, the most useful first.
-    notes : list of str
-        What a reader should know besides.
 
     Examples
     --------
@@ -60,15 +41,19 @@ class Survey:
     (2, ['q_ref', 'q'])
     """
 
-    sampling: Sampling
-    channels: list[Channel]
-    coverage: Coverage
-    answers: list[Answerable]
-    separations: list[Separation] = field(default_factory=list)
-    next_run: dict[str, Any] | None = None
-    warnings: list[str] = field(default_factory=list)
-    record: list[str] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
+    sampling: Annotated[Sampling, "Runs and clock."]
+    channels: Annotated[list[Channel], "The channels."]
+    coverage: Annotated[Coverage, "What it excites."]
+    answers: Annotated[list[Answerable], "What can be answered from it."]
+    separations: Annotated[list[Separation], "For a bench with a simulator: each effect of the library."] = field(
+        default_factory=list
+    )
+    next_run: Annotated[dict[str, Any] | None, "For a bench with a simulator: the run that would distinguish most."] = (
+        None
+    )
+    warnings: Annotated[list[str], "What is wrong or doubtful."] = field(default_factory=list)
+    record: Annotated[list[str], "What to record next, the most useful first."] = field(default_factory=list)
+    notes: Annotated[list[str], "What a reader should know besides."] = field(default_factory=list)
 
     def classes(self) -> list[tuple[str, ...]]:
         """Return groups of effects that this log could not distinguish, the largest first."""

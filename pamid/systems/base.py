@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -21,6 +21,7 @@ from ..errors import (
     MissingParameterError,
     SimulatorTypeError,
 )
+from ..explained import explained_fields
 from ..face import AnySimulator
 from ..files import write_whole
 from ..names import REMOVE, refuse_others, require_one_of
@@ -34,19 +35,9 @@ FIT = "fit"
 """Instead of a number: it is fitted to the log."""
 
 
+@explained_fields
 class Input(NamedTuple):
     """A signal of a system's log.
-
-    Parameters
-    ----------
-    name : str
-        Its name in a tidy log.
-    unit : str
-        SI unit.
-    meaning : str
-        What it is, for somebody who sees the word for the first time.
-    needed : bool, default=True
-        Whether the system cannot do without.
 
     Examples
     --------
@@ -55,31 +46,15 @@ class Input(NamedTuple):
     True
     """
 
-    name: str
-    unit: str
-    meaning: str
-    needed: bool = True
+    name: Annotated[str, "Its name in a tidy log."]
+    unit: Annotated[str, "SI unit."]
+    meaning: Annotated[str, "What it is, for somebody who sees the word for the first time."]
+    needed: Annotated[bool, "Whether the system cannot do without."] = True
 
 
+@explained_fields
 class Quantity(NamedTuple):
     """A number of a system's page.
-
-    Parameters
-    ----------
-    name : str
-        Its name in the file.
-    unit : str
-        SI unit, ``"-"`` for a plain number.
-    lower, upper : float
-        Plausible range.
-    meaning : str
-        What it is.
-    default : float or None, default=None
-        Value where the user gives none; None: it has to be given.
-    may_fit : bool, default=False
-        Whether ``"fit"`` may stand instead of a number.
-    hint : str, default=""
-        What a value out of range probably is.
 
     Examples
     --------
@@ -89,29 +64,18 @@ class Quantity(NamedTuple):
     'bore: 0.002 to 0.5 m'
     """
 
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    meaning: str
-    default: float | str | None = None
-    may_fit: bool = False
-    hint: str = ""
+    name: Annotated[str, "Its name in the file."]
+    unit: Annotated[str, 'SI unit, ``"-"`` for a plain number.']
+    lower: Annotated[float, "Plausible range."]
+    upper: Annotated[float, "Plausible range."]
+    meaning: Annotated[str, "What it is."]
+    default: Annotated[float | str | None, "Value where the user gives none; None: it has to be given."] = None
+    may_fit: Annotated[bool, 'Whether ``"fit"`` may stand instead of a number.'] = False
+    hint: Annotated[str, "What a value out of range probably is."] = ""
 
     def checked(self, value: Any, kind: str) -> float | str:
-        """Return a value of the file in SI; raise if it is invalid.
-
-        Parameters
-        ----------
-        value : float or str
-            A number in SI, a text with a unit such as ``"25 mm"``, or ``"fit"``.
-        kind : str
-            Kind of the system, for messages.
-
-        Returns
-        -------
-        float or str
-            The number, or ``"fit"``.
+        """Return a value of the file, a number in SI, a text such as ``"25 mm"`` or ``"fit"``, in SI or as ``"fit"``;
+        raise if it is invalid, with the kind of the system.
         """
         if value == FIT and self.may_fit:
             return FIT
@@ -286,13 +250,7 @@ class System(Simulator, ABC):
         return out
 
     def require(self, log: pd.DataFrame) -> None:
-        """Raise if a log lacks a signal that the system needs.
-
-        Raises
-        ------
-        MissingColumnError
-            If it does.
-        """
+        """Raise a `MissingColumnError` if a log lacks a signal that the system needs."""
         lacking = [i for i in self.signals if i.needed and i.name not in log.columns]
         if lacking:
             has = ", ".join(str(c) for c in log.columns[:20])
@@ -377,21 +335,8 @@ class System(Simulator, ABC):
     def problem(self, log: pd.DataFrame) -> Problem:
         """Return the measured and the modelled side, its effects included, and the signals that effects may follow.
 
-        Parameters
-        ----------
-        log : DataFrame
-            Tidy log; rows with missing values are left out. A column `pamid.simulators.problem.COUNTS` says which rows
-            count.
-
-        Returns
-        -------
-        Problem
-            One equation, ready for a diagnosis.
-
-        Raises
-        ------
-        EmptyLogError
-            The log has no row.
+        Rows with missing values are left out; a column `pamid.simulators.problem.COUNTS` says which rows count. A log
+        without a row raises an `EmptyLogError`.
         """
         known = log[["time", *(s.name for s in self.signals if s.name in log.columns)]].notna().all(axis=1).to_numpy()
         share, log = known.mean() if len(known) else 1.0, log[known].reset_index(drop=True)
@@ -423,18 +368,7 @@ class System(Simulator, ABC):
 
     @abstractmethod
     def nominal_problem(self, log: pd.DataFrame) -> Problem:
-        """Return the measured side, the modelled one without effects, and the signals that effects may follow.
-
-        Parameters
-        ----------
-        log : DataFrame
-            Tidy log.
-
-        Returns
-        -------
-        Problem
-            One equation, ready for a diagnosis.
-        """
+        """Return the measured side, the modelled one without effects, and the signals that effects may follow."""
 
 
 def with_rates(log: pd.DataFrame, columns: Mapping[str, str]) -> pd.DataFrame:

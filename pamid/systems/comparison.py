@@ -11,15 +11,17 @@ from sklearn.base import BaseEstimator, RegressorMixin
 from ..compare.comparison import Comparison
 from ..compare.entries import CandidateModel
 from ..compare.protocol import Prepared, folds
-from ..compare.run import score_candidates
+from ..compare.run import compare, score_candidates
 from ..equations.noise import channel_noise
 from ..errors import UnknownOptionError
+from ..explained import explained_by
 from ..simulators.problem import Problem
 from .base import System, with_rates
 
 _STILL = 0.05  # of the highest speed, at which the smoothed sign of the motion is three quarters
 
 
+@explained_by(compare)
 def compare_system(
     log: pd.DataFrame,
     system: System,
@@ -43,12 +45,8 @@ def compare_system(
         The system.
     estimators : "all" or sequence of str, default="all"
         Labels, or patterns of labels.
-    cv, split : optional
-        As for `pamid.compare.compare`.
     rows : callable, optional
         Takes the table of signals with the target, returns which rows count.
-    fit_rows, score_rows, random_state, progress : optional
-        As for `pamid.compare.compare`.
 
     Returns
     -------

@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from ..explained import explained_fields
 
+
+@explained_fields
 @dataclass(frozen=True)
 class TrainingProblem:
     r"""Least squares of a law that reads a network linearly.
 
     .. math:: \min_\theta \frac{\sum_i w_i r_i^2}{\sum_i w_i}, \quad
         r_i = a_i N(x_i;\theta) + \partial_{d_i} N(x_i;\theta) - y_i
-
-    Parameters
-    ----------
-    x : Tensor, shape (n_samples, n_inputs)
-        Inputs of the network, standardised.
-    direction : Tensor, shape (n_samples, n_inputs)
-        Direction of the derivative that the law reads, in the same coordinates.
-    a : Tensor, shape (n_samples,), or None
-        Factor of the network's value; None if the law never reads it.
-    y : Tensor, shape (n_samples,)
-        What the law should give, in units of its spread.
-    weight : Tensor, shape (n_samples,)
-        Sample weights, positive.
 
     Examples
     --------
@@ -41,11 +31,13 @@ class TrainingProblem:
     5
     """
 
-    x: Tensor
-    direction: Tensor
-    a: Tensor | None
-    y: Tensor
-    weight: Tensor
+    x: Annotated[Tensor, "Inputs of the network, standardised; shape (n_samples, n_inputs)."]
+    direction: Annotated[
+        Tensor, "Direction of the derivative that the law reads, in the same coordinates; shape (n_samples, n_inputs)."
+    ]
+    a: Annotated[Tensor | None, "Factor of the network's value; None if the law never reads it; shape (n_samples,)."]
+    y: Annotated[Tensor, "What the law should give, in units of its spread; shape (n_samples,)."]
+    weight: Annotated[Tensor, "Sample weights, positive; shape (n_samples,)."]
 
     @classmethod
     def from_arrays(

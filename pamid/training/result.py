@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Annotated, Any
 
+from ..explained import explained_fields
 from .network import Parameters
 
 Callback = Callable[[float, Parameters], bool]
@@ -32,22 +33,10 @@ class Status(Enum):
     )
 
 
+@explained_fields
 @dataclass
 class TrainingResult:
     """Outcome of a training.
-
-    Parameters
-    ----------
-    parameters : list of Tensor
-        The weights and biases that are kept: the best ones, or those of the last iteration (`Trainer.keeps_last`).
-    status : Status
-        Why the training ended.
-    n_iter : int
-        Iterations carried out.
-    loss_curve : list of float
-        Mean squared residual after each iteration, in units of the target's variance.
-    validation_curve : list of float
-        The same on held-out runs; empty without any.
 
     Examples
     --------
@@ -57,11 +46,18 @@ class TrainingResult:
     0.01
     """
 
-    parameters: Parameters
-    status: Status
-    n_iter: int
-    loss_curve: list[float] = field(default_factory=list)
-    validation_curve: list[float] = field(default_factory=list)
+    parameters: Annotated[
+        Parameters,
+        "The weights and biases that are kept: the best ones, or those of the last iteration (`Trainer.keeps_last`).",
+    ]
+    status: Annotated[Status, "Why the training ended."]
+    n_iter: Annotated[int, "Iterations carried out."]
+    loss_curve: Annotated[
+        list[float], "Mean squared residual after each iteration, in units of the target's variance."
+    ] = field(default_factory=list)
+    validation_curve: Annotated[list[float], "The same on held-out runs; empty without any."] = field(
+        default_factory=list
+    )
 
 
 class BestSoFar:

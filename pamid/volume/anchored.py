@@ -1,23 +1,19 @@
 """A geometric volume plus a network's correction that fades outside the data."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from ..explained import explained_fields
 from ..signals.state import Array, State
 from .base import VolumeJet, VolumeModel, slope_of
 
 
+@explained_fields
 @dataclass(frozen=True)
 class AnchoredVolume:
     r"""Sum of a geometric anchor and a correction, :math:`V = V_\mathrm{geo} + V_\mathrm{net}`.
 
     The laws are linear in the volume, so the correction is trained on what the anchor leaves of the force or flow.
-
-    Parameters
-    ----------
-    anchor : VolumeModel
-        The geometry.
-    correction : VolumeModel
-        The network, with its inputs clamped to the range of the data.
 
     Examples
     --------
@@ -31,8 +27,8 @@ class AnchoredVolume:
     63.46 cm³
     """
 
-    anchor: VolumeModel
-    correction: VolumeModel
+    anchor: Annotated[VolumeModel, "The geometry."]
+    correction: Annotated[VolumeModel, "The network, with its inputs clamped to the range of the data."]
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample."""

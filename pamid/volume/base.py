@@ -1,21 +1,14 @@
 """What a volume model is: the gas volume of a muscle and its two derivatives."""
 
-from typing import NamedTuple, Protocol
+from typing import Annotated, NamedTuple, Protocol
 
+from ..explained import explained_fields
 from ..signals.state import Array, State
 
 
+@explained_fields
 class VolumeJet(NamedTuple):
     """A volume and its derivatives at every sample.
-
-    Parameters
-    ----------
-    V : array, shape (n_samples,)
-        Gas volume, m³.
-    V_eps : array, shape (n_samples,)
-        ∂V/∂ε, m³.
-    V_P : array, shape (n_samples,)
-        ∂V/∂P, m³/Pa; zero for a volume that is a function of the contraction alone.
 
     Examples
     --------
@@ -26,9 +19,12 @@ class VolumeJet(NamedTuple):
     V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
-    V: Array
-    V_eps: Array
-    V_P: Array
+    V: Annotated[Array, "Gas volume, m³; an array of shape (n_samples,)."]
+    V_eps: Annotated[Array, "∂V/∂ε, m³; an array of shape (n_samples,)."]
+    V_P: Annotated[
+        Array,
+        "∂V/∂P, m³/Pa; zero for a volume that is a function of the contraction alone; an array of shape (n_samples,).",
+    ]
 
 
 class VolumeModel(Protocol):

@@ -1,28 +1,19 @@
 """Does a volume make physical sense?"""
 
 import warnings
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 
 from ..errors import VolumeWarning
+from ..explained import explained_fields
 from ..signals.state import Array, State
 from .base import VolumeJet
 
 
+@explained_fields
 class VolumeReport(NamedTuple):
     """What `check_volume` found.
-
-    Parameters
-    ----------
-    positive : float
-        Share of samples with V > 0; NaN if the level of V was not to be checked.
-    growing : float
-        Share of samples with ∂V/∂ε > 0: a muscle that shortens under pressure gains volume.
-    relative_size : float
-        Median of V over the volume of the cylinder at rest; NaN if that is not known.
-    messages : tuple of str
-        One sentence for each thing that makes no sense; empty if all is well.
 
     Examples
     --------
@@ -35,10 +26,10 @@ class VolumeReport(NamedTuple):
     False
     """
 
-    positive: float
-    growing: float
-    relative_size: float
-    messages: tuple[str, ...]
+    positive: Annotated[float, "Share of samples with V > 0; NaN if the level of V was not to be checked."]
+    growing: Annotated[float, "Share of samples with ∂V/∂ε > 0: a muscle that shortens under pressure gains volume."]
+    relative_size: Annotated[float, "Median of V over the volume of the cylinder at rest; NaN if that is not known."]
+    messages: Annotated[tuple[str, ...], "One sentence for each thing that makes no sense; empty if all is well."]
 
     @property
     def sensible(self) -> bool:

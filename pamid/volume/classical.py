@@ -5,28 +5,17 @@ A new classical model is one new file in this folder: a frozen dataclass that de
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple, Self
+from typing import Annotated, ClassVar, NamedTuple, Self
 
+from ..explained import explained_fields
 from ..laws._backend import namespace
 from ..signals.state import Array, State
 from .base import VolumeJet
 
 
+@explained_fields
 class FitParameter(NamedTuple):
     """One number of a model that an estimator may fit.
-
-    Parameters
-    ----------
-    name : str
-        Name of the field of the model.
-    unit : str
-        Its unit; ``"-"`` for a dimensionless number.
-    lower, upper : float
-        Physical bounds, in that unit.
-    free : bool
-        Whether a fit frees it unless told otherwise.
-    meaning : str
-        What it is, in one line.
 
     Examples
     --------
@@ -36,12 +25,12 @@ class FitParameter(NamedTuple):
     ('braid_angle', 'rad')
     """
 
-    name: str
-    unit: str
-    lower: float
-    upper: float
-    free: bool
-    meaning: str
+    name: Annotated[str, "Name of the field of the model."]
+    unit: Annotated[str, 'Its unit; ``"-"`` for a dimensionless number.']
+    lower: Annotated[float, "Physical bounds, in that unit."]
+    upper: Annotated[float, "Physical bounds, in that unit."]
+    free: Annotated[bool, "Whether a fit frees it unless told otherwise."]
+    meaning: Annotated[str, "What it is, in one line."]
 
 
 REST_LENGTH = FitParameter(
@@ -51,14 +40,10 @@ REST_DIAMETER = FitParameter("rest_diameter", "m", 1e-4, 1.0, True, "inner diame
 BRAID_ANGLE = FitParameter("braid_angle", "rad", 0.02, 1.55, True, "angle θ₀ of the threads to the axis at rest")
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ClassicalVolume(ABC):
     """A volume model with a closed formula and few parameters.
-
-    Parameters
-    ----------
-    rest_length : float
-        Rest length L₀, m.
 
     Examples
     --------
@@ -67,7 +52,7 @@ class ClassicalVolume(ABC):
     ('rest_length', 'rest_diameter', 'braid_angle', 'end_cap', 'end_cap_rise')
     """
 
-    rest_length: float
+    rest_length: Annotated[float, "Rest length L₀, m."]
 
     name: ClassVar[str]
     """Name by which estimators and `all_volumes` know the model."""

@@ -1,11 +1,13 @@
 r"""A braided muscle whose bladder must first be pressed against the braid: the anchor of the hybrid models."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from scipy.special import expit
 
 from ..constants import ATMOSPHERIC_PRESSURE
+from ..explained import explained_fields
 from ..signals.state import Array, State
 from .base import VolumeJet
 
@@ -16,6 +18,7 @@ _SMALL = 0.05
 """Gauge pressure, in widths of the contact, below which its factor is a series: the quotient would lose digits."""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ContactVolume:
     r"""Quadratic volume slope with a contact pressure that grows with the contraction.
@@ -34,29 +37,6 @@ class ContactVolume:
     .. math:: \Delta V = c\, p\, (L_0 A + 3 V_0)(1 - \varepsilon),
 
     the first order of a braid whose threads are longer by the share c p.
-
-    Parameters
-    ----------
-    rest_length : float
-        L₀, m.
-    area : float
-        A, force per gauge pressure at rest length, m².
-    max_contraction : float
-        εₘ, where the force vanishes, dimensionless.
-    curvature : float
-        κ, dimensionless, above −1.
-    contact_pressure : float
-        p_∞, Pa (gauge).
-    contact_contraction : float
-        ε_c, dimensionless.
-    contact_width : float
-        s, softness of the contact, Pa.
-    rest_volume : float
-        V at ε = 0, m³.
-    thread_compliance : float, default=0
-        c, relative stretch of the threads per gauge pressure, 1/Pa.
-    atmospheric_pressure : float, default=101325
-        Pa, absolute.
 
     References
     ----------
@@ -77,16 +57,16 @@ class ContactVolume:
     array([331.3])
     """
 
-    rest_length: float
-    area: float
-    max_contraction: float
-    curvature: float
-    contact_pressure: float
-    contact_contraction: float
-    contact_width: float
-    rest_volume: float
-    thread_compliance: float = 0.0
-    atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
+    rest_length: Annotated[float, "L₀, m."]
+    area: Annotated[float, "A, force per gauge pressure at rest length, m²."]
+    max_contraction: Annotated[float, "εₘ, where the force vanishes, dimensionless."]
+    curvature: Annotated[float, "κ, dimensionless, above −1."]
+    contact_pressure: Annotated[float, "p_∞, Pa (gauge)."]
+    contact_contraction: Annotated[float, "ε_c, dimensionless."]
+    contact_width: Annotated[float, "s, softness of the contact, Pa."]
+    rest_volume: Annotated[float, "V at ε = 0, m³."]
+    thread_compliance: Annotated[float, "c, relative stretch of the threads per gauge pressure, 1/Pa."] = 0.0
+    atmospheric_pressure: Annotated[float, "Pa, absolute."] = ATMOSPHERIC_PRESSURE
 
     def slope(self, eps: Array, p_gauge: Array) -> Array:
         """Return ∂V/∂ε at a contraction and a gauge pressure, m³."""

@@ -10,12 +10,13 @@ and with them the force or flow that a law reads from the network, fade too inst
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
 import numpy as np
 from scipy.special import expit
 
 from ..errors import UnknownOptionError
+from ..explained import explained_fields
 from ..signals.state import Array, State
 from .base import VolumeJet
 
@@ -90,20 +91,10 @@ class InputScale:
         return bounded, slope / self.spread
 
 
+@explained_fields
 @dataclass(frozen=True)
 class NeuralVolume:
     """A trained volume network.
-
-    Parameters
-    ----------
-    weights : list of ndarray
-        Weights and biases in turn, ``[W1, c1, W2, c2, ...]``; W of shape (n_out, n_in).
-    scale : InputScale
-        Standardisation of the inputs.
-    volume_scale : float
-        Volume V_s that one unit of the network's output stands for, m³.
-    activation : str, default="softplus"
-        ``"softplus"``, ``"tanh"`` or ``"silu"``.
 
     Examples
     --------
@@ -117,10 +108,12 @@ class NeuralVolume:
     1.386e-05
     """
 
-    weights: list[np.ndarray]
-    scale: InputScale
-    volume_scale: float
-    activation: str = "softplus"
+    weights: Annotated[
+        list[np.ndarray], "Weights and biases in turn, ``[W1, c1, W2, c2, ...]``; W of shape (n_out, n_in)."
+    ]
+    scale: Annotated[InputScale, "Standardisation of the inputs."]
+    volume_scale: Annotated[float, "Volume V_s that one unit of the network's output stands for, m³."]
+    activation: Annotated[str, '``"softplus"``, ``"tanh"`` or ``"silu"``.'] = "softplus"
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample; inputs beyond the state, which tell of the past, are at rest."""

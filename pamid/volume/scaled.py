@@ -1,23 +1,17 @@
 """A volume model times a factor, plus a constant: one muscle's volume seen as another's."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from ..explained import explained_fields
 from ..signals.state import Array, State
 from .base import VolumeJet, VolumeModel, slope_of
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ScaledVolume:
     r"""Volume of a similar muscle, :math:`V = Q\,V_\mathrm{source} + V_d`.
-
-    Parameters
-    ----------
-    source : VolumeModel
-        Volume of the muscle that was identified.
-    factor : float
-        Q, dimensionless; for muscles of one shape the ratio of D² L.
-    dead_volume : float, default=0
-        V_d, volume of tubes and fittings, m³.
 
     Examples
     --------
@@ -31,9 +25,9 @@ class ScaledVolume:
     26.5 cm³ becomes 108.0 cm³
     """
 
-    source: VolumeModel
-    factor: float
-    dead_volume: float = 0.0
+    source: Annotated[VolumeModel, "Volume of the muscle that was identified."]
+    factor: Annotated[float, "Q, dimensionless; for muscles of one shape the ratio of D² L."]
+    dead_volume: Annotated[float, "V_d, volume of tubes and fittings, m³."] = 0.0
 
     def jet(self, state: State) -> VolumeJet:
         """Return V, ∂V/∂ε and ∂V/∂P at each sample."""

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import KW_ONLY
-from typing import Any
+from dataclasses import KW_ONLY, dataclass, field, fields
+from typing import Annotated, Any, NamedTuple
 
 from pamid.estimators import InverseModel, PolynomialForce, StaticPIHM
 from pamid.estimators._base import SignalRegressor
 from pamid.estimators._parameters import parameters
 from sklearn.base import clone
 
-from pamid.explained import explained_by
+from pamid.explained import explained_by, explained_fields
 
 
 @parameters
@@ -141,3 +141,48 @@ def test_a_function_takes_what_others_explain():
     assert second.__doc__.splitlines()[4:] == [
         "speed : float, default=2", "    Its speed, m/s.", "size : float", "    Its size at rest, m."
     ]  # fmt: skip
+
+
+@explained_fields
+@dataclass(frozen=True)
+class Stretch:
+    """A stretch of time."""
+
+    begins: Annotated[float, "Its ends, s."]
+    ends: Annotated[float, "Its ends, s."]
+    name: Annotated[str, "What it is called."] = ""
+    parts: Annotated[list[float], "Where it is cut, s."] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class NamedStretch(Stretch):
+    """A stretch with a number."""
+
+    number: int = 0
+
+
+@explained_fields
+class Pair(NamedTuple):
+    """Two numbers.
+
+    Parameters
+    ----------
+    first : float
+        Told here.
+    """
+
+    first: float
+    second: Annotated[float, "Told beside the type."] = 1.0
+
+
+def test_a_record_explains_its_fields_beside_their_types():
+    said = [line for line in inspect.getdoc(Stretch).splitlines() if " : " in line]
+    assert said == ["begins, ends : float", 'name : str, default=""', "parts : list[float], optional"]
+    assert [line for line in inspect.getdoc(Pair).splitlines() if " : " in line] == [
+        "first : float",
+        "second : float, default=1",
+    ]
+    for record in (Stretch, NamedStretch, Pair):
+        assert "Annotated" not in str(inspect.signature(record))
+    assert all("Annotated" not in str(f.type) for f in fields(NamedStretch))
+    assert Pair(2.0) == (2.0, 1.0) and Stretch(0.0, 1.0).parts == []

@@ -3,27 +3,17 @@
 import math
 import warnings
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Annotated, Any, Self
+
+from ...explained import explained_fields
 
 Interval = tuple[float, float]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class EquationFinding:
     """The share of the gap in one equation.
-
-    Parameters
-    ----------
-    equation : str
-        Its name.
-    share : float
-        Share of the explainable gap, 0 to 1; over all equations it adds to one.
-    p_value : float
-        Probability of at least this excess without a gap.
-    excess : float
-        Root mean square of the residual beyond its noise, in units of the noise.
-    unit : str
-        Unit of its residual.
 
     Examples
     --------
@@ -32,27 +22,17 @@ class EquationFinding:
     'flow'
     """
 
-    equation: str
-    share: float
-    p_value: float
-    excess: float
-    unit: str = ""
+    equation: Annotated[str, "Its name."]
+    share: Annotated[float, "Share of the explainable gap, 0 to 1; over all equations it adds to one."]
+    p_value: Annotated[float, "Probability of at least this excess without a gap."]
+    excess: Annotated[float, "Root mean square of the residual beyond its noise, in units of the noise."]
+    unit: Annotated[str, "Unit of its residual."] = ""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Region:
     """A region of the state in which the gap lies.
-
-    Parameters
-    ----------
-    equation : str
-        Its equation.
-    query : str
-        A query for `pandas.DataFrame.query` on the table that `pamid.gap.state_table` makes of a log.
-    share : float
-        Share of the equation's gap that lies in it.
-    samples : float
-        Share of the samples that lie in it.
 
     Examples
     --------
@@ -62,24 +42,18 @@ class Region:
     '80% of the gap in 30% of the samples'
     """
 
-    equation: str
-    query: str
-    share: float
-    samples: float
+    equation: Annotated[str, "Its equation."]
+    query: Annotated[
+        str, "A query for `pandas.DataFrame.query` on the table that `pamid.gap.state_table` makes of a log."
+    ]
+    share: Annotated[float, "Share of the equation's gap that lies in it."]
+    samples: Annotated[float, "Share of the samples that lie in it."]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Band:
     """The share of an equation's gap in a band of frequencies.
-
-    Parameters
-    ----------
-    equation : str
-        Its equation.
-    from_hz, to_hz : float
-        The band, Hz.
-    share : float
-        Share of the equation's gap.
 
     Examples
     --------
@@ -88,26 +62,16 @@ class Band:
     1.0
     """
 
-    equation: str
-    from_hz: float
-    to_hz: float
-    share: float
+    equation: Annotated[str, "Its equation."]
+    from_hz: Annotated[float, "The band, Hz."]
+    to_hz: Annotated[float, "The band, Hz."]
+    share: Annotated[float, "Share of the equation's gap."]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Event:
     """A stretch of a run in which the residual of the causes is far beyond the noise and its usual size.
-
-    Parameters
-    ----------
-    equation : str
-        Its equation.
-    trajectory : str
-        The name of the run.
-    begins, ends : float
-        Time of its first and last window, s.
-    excess : float
-        Largest error in it, in units of the noise.
 
     Examples
     --------
@@ -117,23 +81,17 @@ class Event:
     '1.8 s'
     """
 
-    equation: str
-    trajectory: str
-    begins: float
-    ends: float
-    excess: float
+    equation: Annotated[str, "Its equation."]
+    trajectory: Annotated[str, "The name of the run."]
+    begins: Annotated[float, "Time of its first and last window, s."]
+    ends: Annotated[float, "Time of its first and last window, s."]
+    excess: Annotated[float, "Largest error in it, in units of the noise."]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class TrajectoryShare:
     """The share of the gap in one run.
-
-    Parameters
-    ----------
-    trajectory : str
-        Its name.
-    share : float
-        Share of the whole gap.
 
     Examples
     --------
@@ -142,27 +100,14 @@ class TrajectoryShare:
     'sine-4-15'
     """
 
-    trajectory: str
-    share: float
+    trajectory: Annotated[str, "Its name."]
+    share: Annotated[float, "Share of the whole gap."]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class ParameterEstimate:
     """An identified parameter of an effect.
-
-    Parameters
-    ----------
-    value : float
-        The estimate.
-    unit : str
-        Its unit.
-    ci90 : (float, float)
-        90 % interval over runs; infinite where the data do not bound it.
-    at_bound : bool
-        Whether the fit ended at a physical bound that is not its usual value.
-    physical : str
-        The same as a force or torque, such as ``"349 N"``, where it is in the unit of an acceleration or of a command
-        and a parameter of the simulator is the mass; else empty.
 
     Examples
     --------
@@ -172,11 +117,15 @@ class ParameterEstimate:
     '6 N'
     """
 
-    value: float
-    unit: str
-    ci90: Interval
-    at_bound: bool = False
-    physical: str = ""
+    value: Annotated[float, "The estimate."]
+    unit: Annotated[str, "Its unit."]
+    ci90: Annotated[Interval, "90 % interval over runs; infinite where the data do not bound it."]
+    at_bound: Annotated[bool, "Whether the fit ended at a physical bound that is not its usual value."] = False
+    physical: Annotated[
+        str,
+        'The same as a force or torque, such as ``"349 N"``, where it is in the unit of an acceleration or of a '
+        "command and a parameter of the simulator is the mass; else empty.",
+    ] = ""
 
     def scaled(self, factor: float, unit: str) -> Self:
         """Return the estimate in another unit; one of its unit is ``factor`` of the other."""
@@ -184,24 +133,10 @@ class ParameterEstimate:
         return replace(self, value=self.value * factor, unit=unit, ci90=(low, high))
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Candidate:
     """An effect of the library, ``none`` or ``unknown``, and its evidence.
-
-    Parameters
-    ----------
-    effect : str
-        Name.
-    confidence : float
-        Probability; over all candidates it adds to one.
-    score : float
-        Logarithm of the likelihood ratio to no effect, less a penalty for each parameter.
-    closed_share : float
-        Share of the explainable gap that it closes on this log, by itself.
-    ruled_out : str
-        Why it is not the answer; empty for what is.
-    where : str
-        Port of the simulator at which it would act; empty where the effect itself says so.
 
     Examples
     --------
@@ -210,48 +145,18 @@ class Candidate:
     'leakage'
     """
 
-    effect: str
-    confidence: float
-    score: float
-    closed_share: float
-    ruled_out: str = ""
-    where: str = ""
+    effect: Annotated[str, "Name."]
+    confidence: Annotated[float, "Probability; over all candidates it adds to one."]
+    score: Annotated[float, "Logarithm of the likelihood ratio to no effect, less a penalty for each parameter."]
+    closed_share: Annotated[float, "Share of the explainable gap that it closes on this log, by itself."]
+    ruled_out: Annotated[str, "Why it is not the answer; empty for what is."] = ""
+    where: Annotated[str, "Port of the simulator at which it would act; empty where the effect itself says so."] = ""
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Cause:
     """One cause; more than one name where the data cannot distinguish them.
-
-    Parameters
-    ----------
-    effects : tuple of str
-        The effect, or the class of effects, the likeliest first.
-    equation : str
-        Equation in which most of its share lies.
-    confidence : float
-        Probability that the cause is among `effects`.
-    share : float
-        Share of the explainable gap that it closes (with several causes: its Shapley value).
-    share_ci90 : (float, float)
-        90 % interval over runs.
-    parameters : dict of str to ParameterEstimate
-        Parameters of the first effect.
-    distinguished_by : str or None
-        What would split the class.
-    where : tuple of str
-        Port of the simulator at which each of the effects acts; empty where the effects themselves say so.
-    others : tuple of dict of str to ParameterEstimate
-        Parameters of the other effects of a class, each fitted in the place of the first.
-    with_reserve : bool
-        Whether it stands for the effect "or something that looks like it on this log": its estimated probability is
-        at least one half, but below the bar whose aim is at most one wrong name in twenty.
-    signs : dict of str to float
-        What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`.
-    grade : str
-        ``"sure"``, ``"reserve"`` (see `with_reserve`), or ``"family"``: it closes most of the gap on held-out runs, and
-        the remainder shows that the cause is another, similar effect.
-    family : str
-        What kind of effect it is, such as ``"friction"``.
 
     Examples
     --------
@@ -261,19 +166,35 @@ class Cause:
     2
     """
 
-    effects: tuple[str, ...]
-    equation: str
-    confidence: float
-    share: float
-    share_ci90: Interval
-    parameters: dict[str, ParameterEstimate]
-    distinguished_by: str | None = None
-    where: tuple[str, ...] = ()
-    others: tuple[dict[str, ParameterEstimate], ...] = ()
-    with_reserve: bool = False
-    signs: dict[str, float] = field(default_factory=dict)
-    grade: str = "sure"
-    family: str = ""
+    effects: Annotated[tuple[str, ...], "The effect, or the class of effects, the likeliest first."]
+    equation: Annotated[str, "Equation in which most of its share lies."]
+    confidence: Annotated[float, "Probability that the cause is among `effects`."]
+    share: Annotated[float, "Share of the explainable gap that it closes (with several causes: its Shapley value)."]
+    share_ci90: Annotated[Interval, "90 % interval over runs."]
+    parameters: Annotated[dict[str, ParameterEstimate], "Parameters of the first effect."]
+    distinguished_by: Annotated[str | None, "What would split the class."] = None
+    where: Annotated[
+        tuple[str, ...],
+        "Port of the simulator at which each of the effects acts; empty where the effects themselves say so.",
+    ] = ()
+    others: Annotated[
+        tuple[dict[str, ParameterEstimate], ...],
+        "Parameters of the other effects of a class, each fitted in the place of the first.",
+    ] = ()
+    with_reserve: Annotated[
+        bool,
+        'Whether it stands for the effect "or something that looks like it on this log": its estimated '
+        "probability is at least one half, but below the bar whose aim is at most one wrong name in twenty.",
+    ] = False
+    signs: Annotated[dict[str, float], "What its confidence rests on, see `pamid.gap.diagnosis.signs.signs_of`."] = (
+        field(default_factory=dict)
+    )
+    grade: Annotated[
+        str,
+        '``"sure"``, ``"reserve"`` (see `with_reserve`), or ``"family"``: it closes most of the gap on held-out '
+        "runs, and the remainder shows that the cause is another, similar effect.",
+    ] = "sure"
+    family: Annotated[str, 'What kind of effect it is, such as ``"friction"``.'] = ""
 
     @property
     def told_apart_by(self) -> str | None:
@@ -282,30 +203,10 @@ class Cause:
         return self.distinguished_by
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Closure:
     """How far the gap of an equation shrinks once the causes are added, predicted for unseen runs.
-
-    Parameters
-    ----------
-    equation : str
-        Its equation.
-    rmse_before, rmse_after : float
-        Root mean square residual of runs that were held out of the fit, in the equation's unit.
-    noise_floor : float
-        What the channels' noise alone would leave, in the equation's unit.
-    closed_share : float
-        (MSE before − after) / (MSE before − noise floor), 0 to 1.
-    ci90 : (float, float)
-        90 % interval over runs.
-    unit : str
-        The equation's unit.
-    alone : float
-        Share that the corrected simulator closes on this log, where the fit allows for more than it holds, such as
-        inputs half a sample early; NaN where it does not.
-    allowed : str
-        What the fit allows for that closes most of the rest, such as ``"timing of road"``; empty where `alone` is not
-        below `ci90`.
 
     Examples
     --------
@@ -316,54 +217,42 @@ class Closure:
     '5.6 N becomes 0.1 N'
     """
 
-    equation: str
-    rmse_before: float
-    rmse_after: float
-    noise_floor: float
-    closed_share: float
-    ci90: Interval
-    unit: str = ""
-    alone: float = math.nan
-    allowed: str = ""
+    equation: Annotated[str, "Its equation."]
+    rmse_before: Annotated[
+        float, "Root mean square residual of runs that were held out of the fit, in the equation's unit."
+    ]
+    rmse_after: Annotated[
+        float, "Root mean square residual of runs that were held out of the fit, in the equation's unit."
+    ]
+    noise_floor: Annotated[float, "What the channels' noise alone would leave, in the equation's unit."]
+    closed_share: Annotated[float, "(MSE before − after) / (MSE before − noise floor), 0 to 1."]
+    ci90: Annotated[Interval, "90 % interval over runs."]
+    unit: Annotated[str, "The equation's unit."] = ""
+    alone: Annotated[
+        float,
+        "Share that the corrected simulator closes on this log, where the fit allows for more than it holds, such "
+        "as inputs half a sample early; NaN where it does not.",
+    ] = math.nan
+    allowed: Annotated[
+        str,
+        'What the fit allows for that closes most of the rest, such as ``"timing of road"``; empty where `alone` '
+        "is not below `ci90`.",
+    ] = ""
 
     def closed_by(self, rmse: float) -> float:
-        """Return the share of the gap that is closed where an error is left.
+        """Return the share of the explainable mean square, 0 to 1, that is closed where a root mean square error is
+        left.
 
-        Parameters
-        ----------
-        rmse : float
-            Root mean square of the error, in `unit`.
-
-        Returns
-        -------
-        float
-            Share of the explainable mean square, 0 to 1; `closed_share` where nothing is explainable.
-
-        Examples
-        --------
-        >>> from pamid.gap import Closure
-        >>> force = Closure("force", 5.0, 1.0, 0.0, closed_share=0.96, ci90=(0.9, 1.0))
-        >>> round(force.closed_by(2.0), 2)
-        0.84
+        It is `closed_share` where nothing is explainable.
         """
         room = self.rmse_before**2 - self.noise_floor**2
         return min(max((self.rmse_before**2 - rmse**2) / room, 0.0), 1.0) if room > 0.0 else self.closed_share
 
 
+@explained_fields
 @dataclass(frozen=True)
 class NextExperiment:
     """What to record next.
-
-    Parameters
-    ----------
-    trajectory : dict
-        ``kind`` and its numbers, as ``pamid simulate`` takes them.
-    separates : tuple of str
-        The two explanations that it would distinguish.
-    expected : float
-        Expected logarithm of their likelihood ratio after one such run, each refitted.
-    reason : str
-        One sentence.
 
     Examples
     --------
@@ -373,10 +262,10 @@ class NextExperiment:
     ('dead_volume', 'gas_temperature')
     """
 
-    trajectory: dict[str, Any]
-    separates: tuple[str, ...]
-    expected: float
-    reason: str = ""
+    trajectory: Annotated[dict[str, Any], "``kind`` and its numbers, as ``pamid simulate`` takes them."]
+    separates: Annotated[tuple[str, ...], "The two explanations that it would distinguish."]
+    expected: Annotated[float, "Expected logarithm of their likelihood ratio after one such run, each refitted."]
+    reason: Annotated[str, "One sentence."] = ""
 
 
 @dataclass(frozen=True)

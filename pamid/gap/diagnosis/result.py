@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import pandas as pd
 
+from ...explained import explained_fields
 from ...json_data import json_ready
 from ..inference.so_far import INTERRUPTED
 from .findings import (
@@ -34,71 +35,10 @@ VERDICTS = ("cause", "class", "several", "unknown", "none", "untested")
 library explains; no gap beyond the noise; nothing on the log that could be tested."""
 
 
+@explained_fields
 @dataclass(repr=False)
 class Diagnosis:
     """The answer to: where does the gap lie, what causes it, how far does it shrink.
-
-    Parameters
-    ----------
-    verdict : str
-        One of `VERDICTS`.
-    p_value : float
-        Probability of as much evidence against the simulator without a gap.
-    equations, regions, bands, trajectories : list
-        Where the gap lies.
-    candidates : list of Candidate
-        The whole library with ``none`` and ``unknown``, the likeliest first.
-    causes : list of Cause
-        The causes found, the largest share first.
-    closure : list of Closure
-        How far each equation's gap shrinks.
-    next_experiment : NextExperiment or None
-        What to record next.
-    notes : list of str
-        What the reader must know: what the log lacks, what the noise floor rests on.
-    nominal : BenchParameters, Simulator or None
-        The simulator as given, refitted within its tolerances; None where a single equation was diagnosed.
-    corrected : BenchParameters, Simulator or None
-        The simulator with the causes added.
-    windows : DataFrame
-        One row per window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, the state
-        at its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, in its unit.
-    families : list of Cause
-        Where the cause is unknown, but effects of the library close most of the gap on held-out runs: what
-        acts like it, of the grade ``"family"``. The corrected simulator holds these.
-    leftover : dict
-        For an unknown cause: what the leftover depends on, and its closest symbolic form.
-    remainder : dict
-        What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the noise),
-        ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.
-    with_reserve : bool
-        Whether a cause is named with reserve, see `Cause`.
-    signs : dict of str to float
-        What speaks against the names of the best hypothesis, each sign where it is largest over its effects, see
-        `pamid.gap.diagnosis.signs.signs_of`; empty where no effect explains anything.
-    hypotheses : list of HypothesisFinding
-        The sets of effects that were refitted, the likeliest first.
-    deviations : dict of str to float
-        How far the parameters with a tolerance were refitted together with the causes, in tolerances.
-    unexplained : list of str
-        Equations of whose gap the named causes close less than half.
-    not_tested : dict of str to str
-        Equations that were left out, and why.
-    cannot_show : list of str
-        Effects of the library that change no equation that was tested: nothing is said about them.
-    events : list of Event
-        Stretches of a run in which the causes leave far more than elsewhere, the largest first.
-    rivals : list of Rival
-        The explanations that are not ruled out, refitted, the likeliest first: what a next run should separate.
-    logs : list of LogFinding
-        For several logs, each with its own parameters of the causes; empty for a single log.
-    changes : list of Change
-        Causes that changed between logs, the clearest first.
-    rounds : list of Round
-        The answer after each further log, where this continues an earlier diagnosis.
-    history : History or None
-        The logs and the simulator, from which `pamid.diagnose` continues with further logs and `pamid.next_run` designs
-        the next one; ``history.write(folder)`` keeps it.
 
     Examples
     --------
@@ -113,36 +53,83 @@ class Diagnosis:
     One cause: leakage
     """
 
-    verdict: str
-    p_value: float
-    equations: list[EquationFinding]
-    regions: list[Region]
-    bands: list[Band]
-    trajectories: list[TrajectoryShare]
-    candidates: list[Candidate]
-    causes: list[Cause]
-    closure: list[Closure]
-    next_experiment: NextExperiment | None
-    notes: list[str]
-    nominal: Any
-    corrected: Any
-    windows: pd.DataFrame
-    families: list[Cause] = field(default_factory=list)
-    leftover: dict[str, Any] = field(default_factory=dict)
-    remainder: dict[str, Any] = field(default_factory=dict)
-    with_reserve: bool = False
-    signs: dict[str, float] = field(default_factory=dict)
-    hypotheses: list[HypothesisFinding] = field(default_factory=list)
-    deviations: dict[str, float] = field(default_factory=dict)
-    unexplained: list[str] = field(default_factory=list)
-    not_tested: dict[str, str] = field(default_factory=dict)
-    cannot_show: list[str] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
-    rivals: list[Rival] = field(default_factory=list)
-    logs: list[LogFinding] = field(default_factory=list)
-    changes: list[Change] = field(default_factory=list)
-    rounds: list[Round] = field(default_factory=list)
-    history: History | None = field(default=None, repr=False, compare=False)
+    verdict: Annotated[str, "One of `VERDICTS`."]
+    p_value: Annotated[float, "Probability of as much evidence against the simulator without a gap."]
+    equations: Annotated[list[EquationFinding], "Where the gap lies."]
+    regions: Annotated[list[Region], "Where the gap lies."]
+    bands: Annotated[list[Band], "Where the gap lies."]
+    trajectories: Annotated[list[TrajectoryShare], "Where the gap lies."]
+    candidates: Annotated[list[Candidate], "The whole library with ``none`` and ``unknown``, the likeliest first."]
+    causes: Annotated[list[Cause], "The causes found, the largest share first."]
+    closure: Annotated[list[Closure], "How far each equation's gap shrinks."]
+    next_experiment: Annotated[NextExperiment | None, "What to record next."]
+    notes: Annotated[list[str], "What the reader must know: what the log lacks, what the noise floor rests on."]
+    nominal: Annotated[
+        Any,
+        "The BenchParameters or Simulator as given, refitted within its tolerances; None where a single equation was "
+        "diagnosed.",
+    ]
+    corrected: Annotated[Any, "The BenchParameters or Simulator with the causes added, or None."]
+    windows: Annotated[
+        pd.DataFrame,
+        "One row per window of 20 ms, equation and side: ``trajectory``, ``time`` (s), ``equation``, ``side``, "
+        "the state at its centre, ``before`` and ``after`` (residuals without and with the causes) and ``noise``, "
+        "in its unit.",
+    ]
+    families: Annotated[
+        list[Cause],
+        "Where the cause is unknown, but effects of the library close most of the gap on held-out runs: what acts "
+        'like it, of the grade ``"family"``. The corrected simulator holds these.',
+    ] = field(default_factory=list)
+    leftover: Annotated[
+        dict[str, Any], "For an unknown cause: what the leftover depends on, and its closest symbolic form."
+    ] = field(default_factory=dict)
+    remainder: Annotated[
+        dict[str, Any],
+        "What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the "
+        "noise), ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.",
+    ] = field(default_factory=dict)
+    with_reserve: Annotated[bool, "Whether a cause is named with reserve, see `Cause`."] = False
+    signs: Annotated[
+        dict[str, float],
+        "What speaks against the names of the best hypothesis, each sign where it is largest over its effects, "
+        "see `pamid.gap.diagnosis.signs.signs_of`; empty where no effect explains anything.",
+    ] = field(default_factory=dict)
+    hypotheses: Annotated[list[HypothesisFinding], "The sets of effects that were refitted, the likeliest first."] = (
+        field(default_factory=list)
+    )
+    deviations: Annotated[
+        dict[str, float],
+        "How far the parameters with a tolerance were refitted together with the causes, in tolerances.",
+    ] = field(default_factory=dict)
+    unexplained: Annotated[list[str], "Equations of whose gap the named causes close less than half."] = field(
+        default_factory=list
+    )
+    not_tested: Annotated[dict[str, str], "Equations that were left out, and why."] = field(default_factory=dict)
+    cannot_show: Annotated[
+        list[str], "Effects of the library that change no equation that was tested: nothing is said about them."
+    ] = field(default_factory=list)
+    events: Annotated[
+        list[Event], "Stretches of a run in which the causes leave far more than elsewhere, the largest first."
+    ] = field(default_factory=list)
+    rivals: Annotated[
+        list[Rival],
+        "The explanations that are not ruled out, refitted, the likeliest first: what a next run should separate.",
+    ] = field(default_factory=list)
+    logs: Annotated[
+        list[LogFinding], "For several logs, each with its own parameters of the causes; empty for a single log."
+    ] = field(default_factory=list)
+    changes: Annotated[list[Change], "Causes that changed between logs, the clearest first."] = field(
+        default_factory=list
+    )
+    rounds: Annotated[list[Round], "The answer after each further log, where this continues an earlier diagnosis."] = (
+        field(default_factory=list)
+    )
+    history: Annotated[
+        History | None,
+        "The logs and the simulator, from which `pamid.diagnose` continues with further logs and `pamid.next_run` "
+        "designs the next one; ``history.write(folder)`` keeps it.",
+    ] = field(default=None, repr=False, compare=False)
 
     @property
     def tested(self) -> bool:

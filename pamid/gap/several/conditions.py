@@ -4,10 +4,11 @@ import csv
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import Annotated, Any, NamedTuple, TypeVar
 
 from ...bench.parameters import BenchParameters
 from ...errors import EmptyLogError, LogNotFoundError, MissingColumnError, ParameterError, UnknownOptionError, among
+from ...explained import explained_fields
 from ...simulators.base import Simulator
 from ...toml_files import TomlErrors, read_small_text
 
@@ -15,15 +16,9 @@ S = TypeVar("S", BenchParameters, Simulator)
 _ERRORS = TomlErrors(LogNotFoundError, EmptyLogError, EmptyLogError)
 
 
+@explained_fields
 class Conditions(NamedTuple):
     """Conditions of one log.
-
-    Parameters
-    ----------
-    numbers : dict of str to float
-        Numbers of the simulator that hold for this log alone, SI units.
-    day : str
-        Logs of one day share what may change from day to day.
 
     Examples
     --------
@@ -32,8 +27,8 @@ class Conditions(NamedTuple):
     'friday'
     """
 
-    numbers: dict[str, float]
-    day: str
+    numbers: Annotated[dict[str, float], "Numbers of the simulator that hold for this log alone, SI units."]
+    day: Annotated[str, "Logs of one day share what may change from day to day."]
 
     def under(self, simulator: S) -> S:
         """Return the simulator for this log."""

@@ -13,13 +13,14 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
 import pandas as pd
 
 from ...bench.parameters import BenchParameters
 from ...effects import all_effects
 from ...errors import IncompatibleError, LogFormatError, LogNotFoundError, PamidError
+from ...explained import explained_fields
 from ...signals.mapping import LogMapping
 from ...signals.readings import impossible
 from ...simulators import read_simulator
@@ -72,30 +73,10 @@ class Answered(Protocol):
     history: Any
 
 
+@explained_fields
 @dataclass
 class History:
     """The logs so far.
-
-    Parameters
-    ----------
-    simulator : BenchParameters or Simulator
-        The simulator.
-    library : list of str
-        Effects that may be causes; at ports their names there, such as ``"viscous_friction"`` at every joint.
-    logs : dict of str to DataFrame
-        The logs by name.
-    held : dict of str to Conditions
-        Conditions of each.
-    rounds : list of Round
-        The result after each further log.
-    rivals : list of Rival
-        Explanations that the last diagnosis left.
-    page : str, default=""
-        The file that a simulator with ports was read from, so that a later command finds it.
-    columns : str, default=""
-        The mapping that the last log was read with, for a later log.
-    encoding : str, default=""
-        Its encoding, where it was given.
 
     Examples
     --------
@@ -105,15 +86,18 @@ class History:
     []
     """
 
-    simulator: AnySimulator
-    library: list[str]
-    logs: dict[str, pd.DataFrame] = field(default_factory=dict)
-    held: dict[str, Conditions] = field(default_factory=dict)
-    rounds: list[Round] = field(default_factory=list)
-    rivals: list[Rival] = field(default_factory=list)
-    page: str = ""
-    columns: str = ""
-    encoding: str = ""
+    simulator: Annotated[AnySimulator, "The simulator, BenchParameters or Simulator."]
+    library: Annotated[
+        list[str],
+        'Effects that may be causes; at ports their names there, such as ``"viscous_friction"`` at every joint.',
+    ]
+    logs: Annotated[dict[str, pd.DataFrame], "The logs by name."] = field(default_factory=dict)
+    held: Annotated[dict[str, Conditions], "Conditions of each."] = field(default_factory=dict)
+    rounds: Annotated[list[Round], "The result after each further log."] = field(default_factory=list)
+    rivals: Annotated[list[Rival], "Explanations that the last diagnosis left."] = field(default_factory=list)
+    page: Annotated[str, "The file that a simulator with ports was read from, so that a later command finds it."] = ""
+    columns: Annotated[str, "The mapping that the last log was read with, for a later log."] = ""
+    encoding: Annotated[str, "Its encoding, where it was given."] = ""
 
     def add(self, found: Answered, logs: Mapping[str, pd.DataFrame], held: Sequence[Conditions]) -> None:
         """Add further logs and the diagnosis of all of them."""

@@ -1,28 +1,16 @@
 """Additional results of several logs: each log's own parameters, and what changed."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
+from ...explained import explained_fields
 from ..diagnosis.findings import ParameterEstimate
 
 
+@explained_fields
 @dataclass(frozen=True)
 class LogFinding:
     """One of several logs.
-
-    Parameters
-    ----------
-    log : str
-        Its name.
-    day : str
-        Logs of one day share what may change from day to day.
-    rows, trajectories : int
-        Its size.
-    conditions : dict of str to float
-        Numbers of the simulator that hold for this log alone.
-    parameters : dict of str to dict of str to ParameterEstimate
-        For each cause that acts in it the parameters fitted to this log alone.
-    deviations : dict of str to float
-        How far its parameters with a tolerance were refitted, in tolerances.
 
     Examples
     --------
@@ -31,35 +19,22 @@ class LogFinding:
     8000
     """
 
-    log: str
-    day: str
-    rows: int
-    trajectories: int
-    conditions: dict[str, float]
-    parameters: dict[str, dict[str, ParameterEstimate]]
-    deviations: dict[str, float]
+    log: Annotated[str, "Its name."]
+    day: Annotated[str, "Logs of one day share what may change from day to day."]
+    rows: Annotated[int, "Its size."]
+    trajectories: Annotated[int, "Its size."]
+    conditions: Annotated[dict[str, float], "Numbers of the simulator that hold for this log alone."]
+    parameters: Annotated[
+        dict[str, dict[str, ParameterEstimate]],
+        "For each cause that acts in it the parameters fitted to this log alone.",
+    ]
+    deviations: Annotated[dict[str, float], "How far its parameters with a tolerance were refitted, in tolerances."]
 
 
+@explained_fields
 @dataclass(frozen=True)
 class Change:
     """A cause that differs between logs.
-
-    Parameters
-    ----------
-    effect : str
-        The cause.
-    how : str
-        ``"appears"``, ``"goes"``, ``"grows"`` or ``"shrinks"``; ``"differs"`` where no single parameter says how.
-    log : str
-        The log from which it differs.
-    before, after : float
-        Its main parameter before and after; NaN where it does not act.
-    parameter, unit : str
-        That parameter and its unit.
-    evidence : float
-        Logarithm of the likelihood ratio to a cause that does not change.
-    where : str
-        The port at which it acts, of a simulator with ports.
 
     Examples
     --------
@@ -69,12 +44,15 @@ class Change:
     'leakage appears with friday'
     """
 
-    effect: str
-    how: str
-    log: str
-    before: float
-    after: float
-    parameter: str
-    unit: str
-    evidence: float
-    where: str = ""
+    effect: Annotated[str, "The cause."]
+    how: Annotated[
+        str,
+        '``"appears"``, ``"goes"``, ``"grows"`` or ``"shrinks"``; ``"differs"`` where no single parameter says how.',
+    ]
+    log: Annotated[str, "The log from which it differs."]
+    before: Annotated[float, "Its main parameter before and after; NaN where it does not act."]
+    after: Annotated[float, "Its main parameter before and after; NaN where it does not act."]
+    parameter: Annotated[str, "That parameter and its unit."]
+    unit: Annotated[str, "That parameter and its unit."]
+    evidence: Annotated[float, "Logarithm of the likelihood ratio to a cause that does not change."]
+    where: Annotated[str, "The port at which it acts, of a simulator with ports."] = ""

@@ -1,29 +1,18 @@
 """What a section of the page is."""
 
 from abc import ABC, abstractmethod
-from typing import Any, ClassVar, NamedTuple
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 from matplotlib.figure import Figure
 
+from ...explained import explained_fields
 from ...gap.diagnosis.result import Diagnosis
 from ..words import Words
 
 
+@explained_fields
 class Source(NamedTuple):
     """Where a diagnosis comes from.
-
-    Parameters
-    ----------
-    log : str, default=""
-        Name of the log.
-    simulator : str, default=""
-        Name of the simulator file.
-    rows : int, default=0
-        Rows of the log.
-    runs : int, default=0
-        Its runs.
-    command : str, default=""
-        The command that made it.
 
     Examples
     --------
@@ -32,22 +21,16 @@ class Source(NamedTuple):
     20000
     """
 
-    log: str = ""
-    simulator: str = ""
-    rows: int = 0
-    runs: int = 0
-    command: str = ""
+    log: Annotated[str, "Name of the log."] = ""
+    simulator: Annotated[str, "Name of the simulator file."] = ""
+    rows: Annotated[int, "Rows of the log."] = 0
+    runs: Annotated[int, "Its runs."] = 0
+    command: Annotated[str, "The command that made it."] = ""
 
 
+@explained_fields
 class Picture(NamedTuple):
     """A figure on the page.
-
-    Parameters
-    ----------
-    svg : Markup
-        The ``svg`` element.
-    caption : str
-        What to see in it; plain text.
 
     Examples
     --------
@@ -56,8 +39,8 @@ class Picture(NamedTuple):
     'Residual over contraction and its rate'
     """
 
-    svg: Any
-    caption: str
+    svg: Annotated[Any, "The ``svg`` element."]
+    caption: Annotated[str, "What to see in it; plain text."]
 
 
 class Section(ABC):
