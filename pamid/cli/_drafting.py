@@ -23,7 +23,6 @@ from ..file_sets import check_folder, replacing_together
 from ..files import write_whole
 from ..signals.headers import read_header
 from ..signals.unit_names import parse_quantity
-from ..simulators.written_units import in_si
 from .common import note, print_json, table
 
 if TYPE_CHECKING:
@@ -99,6 +98,8 @@ def show(draft: Draft) -> None:
 
 
 def _how(draft: Draft, guess: Guess) -> str:
+    from ..simulators.written_units import in_si
+
     if guess.signal in draft.supposed:
         return draft.supposed[guess.signal]
     said = read_header(guess.column).unread if isinstance(guess.column, str) and guess.unit is None else ""
