@@ -57,7 +57,7 @@ def test_the_readme_names_the_commands_for_some_kinds():
     if not page.is_file():
         pytest.skip("needs the repository")
     lines = page.read_text(encoding="utf-8").splitlines()
-    (line,) = (text for text in lines if text.startswith("- `adapt` is limited"))
+    (line,) = (text for text in lines if text.startswith("- `adapt` works only"))
     assert line.count("`") == 2 * len(SAYS) and all(f"`{name}`" in line for name in SAYS)
 
 
