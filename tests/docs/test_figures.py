@@ -138,15 +138,15 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     def at(block: str, name: str, log: int) -> float:
         return float(line(blocks[block], name)[log - 1].rstrip("*"))
 
-    leak = [f"{at('other-benches-flow', name, 3):g}" for name in ("SINDyRegressor", "ThermodynamicPIHM")]
+    leak = [f"{at('other-benches-flow', name, 3):g}" for name in ("ThermodynamicPIHM", "SINDyRegressor")]
     yield "docs/choosing.md", "a volume cannot represent a leak: {} against {} mg/s".format(*leak)
     geometry, learnt, friction = (
         at("other-benches-inverse", name, log)
         for name, log in (("InvertedForce(tondu_lopez)", 1), ("InverseModel", 1), ("InvertedForce(tondu_lopez)", 2))
     )
     directed = at("other-benches-inverse", "InverseModel(direction)", 2)
-    beyond = f"error {geometry:.2f} kPa, `InverseModel` {learnt:.1f}; with Coulomb friction, though,"
-    yield "docs/choosing.md", f"{beyond} {friction:.1f}, `InverseModel(direction)` {directed:.1f}"
+    beyond = f"error {geometry:.2f} kPa (`InverseModel`: {learnt:.1f}), but with Coulomb friction"
+    yield "docs/choosing.md", f"{beyond} {friction:.1f} (`InverseModel(direction)`: {directed:.1f})"
     runs = [at("other-benches-dynamic", "ForwardModel(direction)", log) for log in (1, 2, 3)]
     rows = re.findall(
         r"^(?!dynamic)(.*?) {2,}([\d.]+)\*? +([\d.]+)\*? +([\d.]+)", blocks["other-benches-dynamic"], re.M
