@@ -305,11 +305,6 @@ class Effect(ABC):
         """Return whether it depends on a path alone: on a path without reversals it could be any function of time."""
         return cls.path_dependent or tuple(cls.roles) == ("position",)
 
-    @classmethod
-    def one_way(cls) -> type[Effect] | None:
-        """Return what it is along a path without reversals; None where it could be any function of time there."""
-        return None if cls.follows_path() else cls
-
     def trace(self, s: Signals, plant: Plant, dt: float, starts: Array) -> Array:
         """Return the memory along the runs of a log, shape (n_states, n_samples, ...).
 

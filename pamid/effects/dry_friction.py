@@ -30,11 +30,6 @@ class _Bristles(Effect):
     exponent: float = 1.0
     transition: float = 0.0
 
-    @classmethod
-    def one_way(cls) -> type[Effect]:
-        """Return friction that does not show how it turns over, nor how it fades at rest."""
-        return cls.narrowed(("presliding", "exponent", "transition"))
-
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return bristles at zero deflection."""
         return np.zeros((1, *np.shape(s.position)))

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import CERTAIN, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, OF_ITS_OWN
+from ..settings import CERTAIN, CLASS, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CAUSES, OF_ITS_OWN
 from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
@@ -422,12 +422,14 @@ class Competition(FirstOrder):
         self._neighbours(best, frozenset({name}), KEPT)
         others = best.names - {name}
         if (twin := self.evidence.twins.get(name)) in self.usable and twin not in best.names:
-            # Effects that commute are equivalent on the log but for initial memory, which cannot decide.
+            # Effects that commute are equivalent on the log but for initial memory, which cannot decide. A steady force
+            # that opposes a motion without reversals is dry friction.
             spec = best.fit.spec
             start = {p.name: spec[name].get(p.name, p.nominal) for p in self.evidence.effects[twin].parameters}
             key = others | {twin}
             near = self._refined({**{k: spec[k] for k in others}, twin: start}, best)
-            self._done[key] = replace(near, score=best.score)
+            if not self.evidence.effects[twin].follows_path() or near.plain > best.plain - CLASS:
+                self._done[key] = replace(near, score=best.score)
         return self._in_place(best, name)
 
     def _in_place(self, best: Hypothesis, name: str) -> list[Hypothesis]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
@@ -116,7 +115,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         self._refuse_not_finite(plain)
         gaps = {e: rms(plain[p]) for e, p in zip(self.equations, self.parts, strict=True)}
         self.sizes = self._surveyed(gaps)
-        self.placements = {name: self._as_it_moves(place) for name, place in self._placed().items()}
+        self.placements = self._placed()
         self._there = frozenset(self.placements)
         self._own = self._made_own()
         self.twins = self._twins()
@@ -226,7 +225,16 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
             )
 
     def _twins(self) -> dict[str, str]:
-        """Return the faults of commands and readings that commute with the simulator between them."""
+        """Return the faults of commands and readings that commute with the simulator between them, and steady forces.
+
+        Dry friction of a motion that never reverses is one.
+        """
+        rubbing = {name: name.replace("steady_force@", "coulomb_friction@") for name in self.placements}
+        found = {k: v for k, v in rubbing.items() if k != v and v in self.placements}
+        found = {k: v for k, v in found.items() if self._goes_one_way(self.placements[v])}
+        return found | self._commuting()
+
+    def _commuting(self) -> dict[str, str]:
         if self.simulator.form != "ode" or not self.simulator.inputs:
             return {}
         log, some = self.log, some_instants(self.log.n)
@@ -367,17 +375,11 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         An effect of a path that never reverses could be any function of time.
         """
         place = self.placements[name]
-        prior, steady = float(place.effect.prior), place.effect.one_way()
-        shaped = steady is None or steady.parameters != place.effect.parameters
-        return min(prior, UNTURNED) if shaped and self._goes_one_way(place) else prior
+        prior = float(place.effect.prior)
+        return min(prior, UNTURNED) if self._goes_one_way(place) else prior
 
     def _goes_one_way(self, place: Placement) -> bool:
         """Return whether an effect follows a path that never reverses."""
         repeats = any(p.periods for p in place.effect.parameters)
         path = place.follows.get("position", "") if place.acts else place.at if repeats else ""
         return bool(path) and place.effect.follows_path() and not self._turns(path)
-
-    def _as_it_moves(self, place: Placement) -> Placement:
-        """Return an effect without what does not show along a path that never reverses."""
-        steady = place.effect.one_way() if self._goes_one_way(place) else None
-        return place if steady is None else replace(place, effect=steady)

@@ -213,9 +213,6 @@ class SignalEvidence(PortEvidence):
         """Return the path without reversals by noise."""
         return self.equation.path
 
-    def _goes_one_way(self, place: Placement) -> bool:
-        return self.equation.holds(place.effect) and super()._goes_one_way(place)
-
     def reach(self, spec: Spec) -> np.ndarray:
         """Return the share of a small addition to the model that reaches each window's reading; none if slack."""
         active = self.active(spec)
