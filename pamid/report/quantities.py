@@ -114,6 +114,11 @@ def amount(value: float, unit: str = "", digits: int = 3) -> str:
     return text if shown in ("", "-") else f"{text} {shown}"
 
 
+def error_size(value: float, unit: str) -> str:
+    """Return an error of a signal with its unit; a signal without one, such as a pH, is no share."""
+    return amount(value, "" if unit == "-" else unit)
+
+
 def percent(share: float) -> str:
     """Return a share as a whole per cent, rounded to 0 or 100 only where it is exactly that."""
     if not math.isfinite(share):

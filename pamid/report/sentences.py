@@ -13,10 +13,10 @@ from .causes import cause_names, causes_listed, either, size
 from .doubts import question
 from .quantities import (
     NOT_EFFECTS,
-    amount,
     at_least,
     capital,
     effect,
+    error_size,
     interval_of,
     listed,
     percent,
@@ -380,7 +380,7 @@ def how_far(d: Diagnosis) -> str:
     c, words = closures[0], Words.of(d)
     it = "them" if len(causes) > 1 else "the likelier one" if len(cause_names(causes[0], words)) > 1 else "it"
     share = f"{interval_of(c.closed_share, *c.ci90)} of the gap"
-    before, after, noise = (amount(x, c.unit) for x in (c.rmse_before, c.rmse_after, c.noise_floor))
+    before, after, noise = (error_size(x, c.unit) for x in (c.rmse_before, c.rmse_after, c.noise_floor))
     became = f"error {before} before, {after} after (noise: {noise})"
     text = f"Adding {it} closes {share} {words.in_equation(c.equation)} on unseen {_unseen(d)}: {became}"
     if not any(o.closed_share for o in closures) and c.ci90 == (0.0, 1.0):
@@ -417,7 +417,7 @@ def _errors(d: Diagnosis) -> str:
         if len(part) and unit:
             error, noise = (math.sqrt(float((part[c] ** 2).mean())) for c in ("before", "noise"))
             name = Words.of(d).equation(finding.equation)
-            lines.append(f"{name} {amount(error, unit)} (noise: {amount(noise, unit)})")
+            lines.append(f"{name} {error_size(error, unit)} (noise: {error_size(noise, unit)})")
     return f": {listed(lines)}" if lines else ""
 
 

@@ -22,7 +22,17 @@ from pamid.gap.diagnosis.findings import (
 from pamid.gap.diagnosis.result import Diagnosis
 from pamid.report import GapDisplay, answers, report_html, write_report
 from pamid.report.causes import cause_names, shown_unit, size
-from pamid.report.quantities import amount, amount_within, at_least, interval_of, parameter, percent, share_span, span
+from pamid.report.quantities import (
+    amount,
+    amount_within,
+    at_least,
+    error_size,
+    interval_of,
+    parameter,
+    percent,
+    share_span,
+    span,
+)
 from pamid.report.sections import Source, all_sections
 from pamid.report.sections.which import WhichSection
 from pamid.report.sentences import query_words
@@ -197,6 +207,11 @@ def test_a_value_lies_in_the_interval_printed_beside_it():
         ):
             first, last = (float(end) for end in ends.removesuffix(" %").split(" to "))
             assert first <= float(text.split()[0]) <= last, (middle, low, high)
+
+
+def test_an_error_of_a_signal_without_a_unit_is_no_share():
+    assert error_size(0.0085, "-") == "0.0085" and error_size(0.0085, "K") == "0.0085 K"
+    assert amount(0.0085, "-") == "0.85 %"
 
 
 def test_sentences_survive_a_diagnosis_with_nothing_in_it(diagnoses):

@@ -3,7 +3,7 @@
 from typing import Any, ClassVar
 
 from ..drawings.closure import closure_figure
-from ..quantities import amount, percent_within, share_span
+from ..quantities import error_size, percent_within, share_span
 from .base import Picture, Section
 
 
@@ -28,9 +28,9 @@ class HowFarSection(Section):
         rows = [
             {
                 "equation": self.words.equation(c.equation),
-                "before": amount(c.rmse_before, c.unit),
-                "after": amount(c.rmse_after, c.unit),
-                "noise": amount(c.noise_floor, c.unit),
+                "before": error_size(c.rmse_before, c.unit),
+                "after": error_size(c.rmse_after, c.unit),
+                "noise": error_size(c.noise_floor, c.unit),
                 "closed": percent_within(c.closed_share, *c.ci90) if d.added else "",
                 "ci": share_span(*c.ci90) if d.added else "",
             }
