@@ -21,7 +21,7 @@ NOTE = "Inputs jump between rows, at instants that the log does not tell: what t
 def off_rows(inputs: Sequence[str], log: PortLog) -> np.ndarray:
     """Return how far interpolated rows of inputs may be off where these jump, shape (n_inputs, n_rows)."""
     rows = [log.between.get(name) for name in inputs]
-    return np.stack([np.zeros(log.n) if one is None else one.jump for one in rows])
+    return np.reshape([np.zeros(log.n) if one is None else one.jump for one in rows], (len(rows), log.n))
 
 
 def jumps(u: np.ndarray, log: PortLog) -> np.ndarray:
