@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.gap.residuals.jumps import NOTE, jumps
+from pamid.gap.residuals.jumps import NOTE, jumps, off_rows
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
@@ -69,3 +69,15 @@ def test_smooth_inputs_have_no_jumps():
     assert np.max(np.abs(smooth)) < 1e-3
     stepped = port_log(recorded(0.25), PIPE)
     assert np.sum(np.abs(jumps(stepped.inputs(PIPE), stepped)) > 0.2) == 16
+
+
+def test_a_log_without_inputs_has_no_jumps_though_its_rows_are_interpolated():
+    """A falling ball whose readings are uneven in time, with a gap."""
+    rng = np.random.default_rng(4)
+    t = np.cumsum(rng.uniform(0.04, 0.09, 60))
+    log = pd.DataFrame({"time": t, "h": 40.0 - 4.0 * t**2 + 1e-3 * rng.standard_normal(60)})
+    ports = [Port("h", "state", "m"), Port("v", "state", "m/s")]
+    ball = FunctionSimulator(lambda t, x, u, p: [x.v, -9.81 + 0.0 * x.v], ports, form="ode")
+    found = ShootingEvidence(port_log(log, ball), ball)
+    assert found.log.between and off_rows(ball.inputs, found.log).shape == (0, found.log.n)
+    assert NOTE not in found.notes
