@@ -89,15 +89,16 @@ def parameter(name: str) -> str:
 
 def placed(name: str, port: str) -> str:
     """Return an effect as words, with the port of a simulator at which it acts, or the two between which it does."""
-    exchanged = name == "heat_loss" and ends_of(port) is not None  # what one loses, the other gains
-    return said_at("heat exchange" if exchanged else effect(name), port)
+    return said_at(effect(name), port)
 
 
 def said_at(name: str, port: str) -> str:
     """Return a name with the port at which it is, or the two between which it is; alone where there is none."""
     if not port:
         return name
-    return f"{name} {'at' if ends_of(port) is None else 'between'} {port}"
+    if ends_of(port) is None:
+        return f"{name} at {port}"
+    return f"{name.replace('heat loss', 'heat exchange')} between {port}"  # what one loses, the other gains
 
 
 def places(cause: Cause) -> tuple[str, ...]:
