@@ -335,7 +335,7 @@ def _time_from_rows(n: int, period: float | None, path: Path, own: dict[str, int
         raise MissingColumnError(
             f"{path.name} has no time; it has {', '.join(list(own)[:20])}.",
             "a column named time, in s",
-            "Map a column to time, or give sampling_period in the mapping.",
+            "Map a column to time, as 'pamid init' does, or give sampling_period in the mapping.",
         )
     return np.arange(n) * period
 
