@@ -59,7 +59,8 @@ def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
 
     found, short = evaluate(log, simulator), {}
     for c in d.closure:
-        if c.equation in found and not c.allowed:  # the report says what else it takes
+        alike = c.equation in found and found[c.equation].unit == c.unit  # rates are not judged by predictions
+        if alike and not c.allowed:  # the report says what else it takes
             closed = c.closed_by(found[c.equation].rmse)
             if closed < c.ci90[0] - _ROUNDED:
                 short[c.equation] = closed

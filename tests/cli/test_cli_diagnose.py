@@ -276,6 +276,7 @@ def test_a_condition_that_nothing_meets_or_that_is_none_is_refused(condition, wo
 
 def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(monkeypatch):
     """A correction that makes an equation without a gap a trace worse is no less than the report says."""
+    from dataclasses import replace
     from types import SimpleNamespace
 
     from pamid.cli._corrected import _short
@@ -284,9 +285,11 @@ def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(m
     def gap(equation, low, allowed=""):
         return Closure(equation, 1.1, 1.0, 1.0, 0.9, (low, 1.0), allowed=allowed)
 
-    left = dict.fromkeys(("valve", "force", "told"), SimpleNamespace(rmse=1.102))
+    left = dict.fromkeys(("valve", "force", "told"), SimpleNamespace(rmse=1.102, unit=""))
+    left["level"] = SimpleNamespace(rmse=1.102, unit="m")  # predicted now; the report judged its rate
     monkeypatch.setattr("pamid.gap.evaluate", lambda log, simulator: left)
-    d = SimpleNamespace(closure=[gap("valve", 0.0), gap("force", 0.8), gap("told", 0.8, "timing of u")])
+    said = [gap("valve", 0.0), gap("force", 0.8), gap("told", 0.8, "timing of u")]
+    d = SimpleNamespace(closure=[*said, replace(gap("level", 0.8), unit="m/s")])
     assert _short(d, None, None) == {"force": 0.0}
 
 
