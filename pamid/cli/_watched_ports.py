@@ -5,14 +5,13 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
-from .common import note, own_columns, wanted_units
+from .common import columns_of, note
 
 if TYPE_CHECKING:
     from ..online.stream import Samples
@@ -34,7 +33,7 @@ def events_at_ports(
             "neither",
             "Leave it out: they are for muscles.",
         )
-    convert = _in_si(args, simulator) if args.columns else None
+    convert = _in_port_units(args, simulator) if args.columns else None
     first, source = _first_sample(source)
     first = convert(first) if convert else first
     columns = [p.source for p in simulator.ports if p.kind != "joint" and p.source in first]
@@ -105,15 +104,13 @@ def note_left_out(args: argparse.Namespace, samples: Samples, told: int) -> int:
     return found
 
 
-def _in_si(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _in_port_units(args: argparse.Namespace, simulator: Any) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Return a function that converts a sample from a log's names to the ports and their units."""
     import numpy as np
 
-    from ..signals import LogMapping
     from ..signals._tidy import as_wanted
 
-    mapping = LogMapping.load(args.columns, own=own_columns(simulator))
-    mapping = replace(mapping, wanted=wanted_units(simulator))
+    mapping = columns_of(args.columns, simulator)
     path = Path(args.stream)
 
     def convert(row: dict[str, Any]) -> dict[str, Any]:

@@ -78,18 +78,18 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
     """Read the mapping that the arguments name; ports of a simulator say themselves what their columns mean."""
-    from ..signals import LogMapping
-
-    mapping = LogMapping.load(args.columns, own=own_columns(simulator))
-    mapping = replace(mapping, wanted=wanted_units(simulator))
+    mapping = columns_of(args.columns, simulator)
     return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
 
 
-def wanted_units(simulator: Any) -> dict[str, str]:
-    """Return the units other than SI in which ports of a simulator want their columns."""
+def columns_of(columns: str | None, simulator: Any) -> LogMapping:
+    """Return a mapping of columns for a simulator: the names of its ports, and the units in which it wants them."""
+    from ..signals import LogMapping
     from ..simulators.port_units import beside_si
 
-    return {} if simulator is None else beside_si((port.source, port.unit) for port in simulator.own_ports)
+    mapping = LogMapping.load(columns, own=own_columns(simulator))
+    wanted = {} if simulator is None else beside_si((port.source, port.unit) for port in simulator.own_ports)
+    return replace(mapping, wanted=wanted)
 
 
 def own_columns(simulator: Any) -> list[str]:

@@ -300,8 +300,9 @@ def at_limits(simulator: Simulator, deviations: Mapping[str, float]) -> list[str
     told = []
     for name, way in deviations.items():
         if name in simulator.parameters and abs(way) >= 1.0:
-            p, end = simulator.parameters[name], "lower" if (way < 0.0) == (simulator.get(name) > 0.0) else "upper"
-            limit = simulator.get(name) * (1.0 + math.copysign(simulator.tolerance[name], way))
+            p = simulator.parameters[name]
+            limit = p.value * (1.0 + math.copysign(p.tolerance, way))
+            end = "lower" if limit < p.value else "upper"
             told.append(
                 f"{name} is at the {end} end of its tolerance, {limit:.4g} {p.unit}. If it can lie beyond, "
                 "give it a wider tolerance: causes may stand in for the rest."

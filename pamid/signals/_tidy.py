@@ -152,8 +152,7 @@ def _by_own_names(
     for position, column in enumerate(raw.columns):
         if position == skip:
             continue
-        match = None if column in elements else _NAME_WITH_UNIT.match(str(column))
-        name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+        name, unit = (str(column).strip(), None) if column in elements else _name_and_unit(column)
         if name.lower() == "time" and "time" not in map(str, raw.columns):
             name = "time"
         text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
@@ -169,11 +168,15 @@ def _by_own_names(
     return signals
 
 
+def _name_and_unit(column: object) -> tuple[str, str | None]:
+    """Return a column's name and the unit in brackets behind it; None where there is none that is known."""
+    match = _NAME_WITH_UNIT.match(str(column))
+    return (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+
+
 def _clock(raw: pd.DataFrame) -> dict[str, SignalMapping]:
     """Return the signal of the column that is called time, with a unit in brackets or none, if there is one."""
-    for position, column in enumerate(raw.columns):
-        match = _NAME_WITH_UNIT.match(str(column))
-        name, unit = (match[1], match[2]) if match and match[2] in UNITS else (str(column).strip(), None)
+    for position, (name, unit) in enumerate(map(_name_and_unit, raw.columns)):
         if name.lower() == "time":
             return {"time": SignalMapping.from_value("time", {"column": position, "unit": unit}, False)}
     return {}

@@ -437,7 +437,7 @@ class Competition(FirstOrder):
         others = best.names - {name}
         found = [h for key, h in self._done.items() if others < key and len(key) == len(best.names)]
         # What explains no more than the others do without it takes nobody's place.
-        least = self._done[others].score if others in self._done else self.base.score
+        least = self._done.get(others, self.base).score
         found = [h for h in found if h is best or (h.score > least and not self._ruled_out(h))]
         found = [h for h in found if h is best or not any(self.degenerate(h.fit, n) for n in h.fit.spec)]
         return sorted(found, key=lambda h: -h.score)

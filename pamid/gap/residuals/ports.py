@@ -229,10 +229,10 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
 
         Dry friction of a motion that never reverses is one.
         """
-        rubbing = {name: name.replace("steady_force@", "coulomb_friction@") for name in self.placements}
-        found = {k: v for k, v in rubbing.items() if k != v and v in self.placements}
-        found = {k: v for k, v in found.items() if self._goes_one_way(self.placements[v])}
-        return found | self._commuting()
+        joints = [name.removeprefix("steady_force@") for name in self.placements if name.startswith("steady_force@")]
+        rubbing = {f"steady_force@{joint}": f"coulomb_friction@{joint}" for joint in joints}
+        there = {steady: dry for steady, dry in rubbing.items() if dry in self.placements}
+        return {s: d for s, d in there.items() if self._goes_one_way(self.placements[d])} | self._commuting()
 
     def _commuting(self) -> dict[str, str]:
         if self.simulator.form != "ode" or not self.simulator.inputs:

@@ -47,10 +47,8 @@ class ParametersSection(Section):
         refitted = []
         if d.corrected is not None and d.nominal is not None:
             for name, tolerance in d.corrected.tolerance.items():
-                (here, value), (there, before) = (
-                    (p.get(name), amount(p.get(name), UNITS.get(name, ""), 4)) for p in (d.corrected, d.nominal)
-                )
-                end = ", at its end" if abs(here - there) >= tolerance * abs(there) else ""
+                value, before = (amount(p.get(name), UNITS.get(name, ""), 4) for p in (d.corrected, d.nominal))
+                end = ", at its end" if abs(d.deviations.get(name, 0.0)) >= 1.0 else ""
                 row = {"name": name, "value": value, "before": before, "tolerance": f"± {100 * tolerance:g} %{end}"}
                 refitted.append(row)
         return {"causes": causes, "refitted": refitted}
