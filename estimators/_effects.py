@@ -100,7 +100,8 @@ def seen_by(model: HybridParameters, X: np.ndarray) -> Seen:
     log = restored(effects, whole_log(model, X))
     terms = [terms_of(effects, law.equation, log, plant) for law in model.laws()]
     state = _state_of(log)
-    added = np.column_stack([t.offset + t.columns @ _weights(effects, t) for t in terms])
+    weights = [np.array([effects[i].values[p.name] for i, p in t.of]) for t in terms]
+    added = np.column_stack([t.offset + t.columns @ w for t, w in zip(terms, weights, strict=True)])
     return Seen(state, np.column_stack([*state, *_remembered(terms)]), added)
 
 
@@ -117,7 +118,9 @@ def fit_model_effects(model: HybridParameters, X: np.ndarray, Y: np.ndarray, wei
     spread = [float(np.std(Y[known[:, k], k])) or 1.0 for k in range(len(laws))]
     roots = [np.where(known[:, k], np.sqrt(weight / weight.sum()), 0.0) / spread[k] for k in range(len(laws))]
     measured = np.where(known, Y, 0.0)
-    model.effect_values_ = {e.name: {n: 0.0 if _linear(e, n) else v for n, v in e.values.items()} for e in effects}
+    model.effect_values_ = {
+        e.name: {p.name: 0.0 if p.linear else e.values[p.name] for p in e.parameters} for e in effects
+    }
     for _ in range(ROUNDS):
         seen = seen_by(model, X)
         added = np.zeros_like(Y) if seen.added is None else seen.added
@@ -135,10 +138,6 @@ def fit_model_effects(model: HybridParameters, X: np.ndarray, Y: np.ndarray, wei
         model.effect_values_ = {e.name: dict(e.values) for e in effects}
 
 
-def _linear(effect: Effect, name: str) -> bool:
-    return next(p.linear for p in effect.parameters if p.name == name)
-
-
 def _state_of(log: WholeLog) -> State:
     s = log.signals
     return State(*(np.asarray(v) for v in (s.position, s.velocity, s.pressure, s.pressure_rate)))
@@ -147,10 +146,6 @@ def _state_of(log: WholeLog) -> State:
 def _predicted(law: Any, volume: Any, log: WholeLog) -> np.ndarray:
     state = _state_of(log)
     return np.asarray(law.predict(*volume.jet(state), state))
-
-
-def _weights(effects: list[Effect], terms: Terms) -> np.ndarray:
-    return np.array([effects[i].values[p.name] for i, p in terms.of])
 
 
 def _remembered(terms: list[Terms]) -> list[np.ndarray]:

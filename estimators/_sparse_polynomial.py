@@ -113,7 +113,8 @@ class PolynomialLibraryMixin:
         n_terms, n_signals = len(self.powers_), len(self._names)
         root = self.factor_ / np.sqrt(self.total_weight_)  # a weight counts like so many repetitions of its row
         size = np.linalg.norm(root, axis=0)
-        alone = [int(np.flatnonzero((self.powers_ == unit).all(axis=1))[0]) for unit in self._units()]
+        single = np.eye(n_signals, self.powers_.shape[1], dtype=int)  # powers of the terms that are one signal each
+        alone = [int(np.flatnonzero((self.powers_ == unit).all(axis=1))[0]) for unit in single]
         self.signal_scales_ = self.reference_scales_ * _nonzero(size[alone])
         scaling = np.prod((self.reference_scales_ / self.signal_scales_) ** self.powers_[:, :n_signals], axis=1)
         term_scales, target_scales = _nonzero(size[:n_terms]), _nonzero(size[n_terms:])
@@ -126,10 +127,6 @@ class PolynomialLibraryMixin:
             max_iter=int(self.max_iter),
         )
         self.scaled_coef_ = coefficients / (term_scales * scaling) * target_scales[:, None]
-
-    def _units(self) -> np.ndarray:
-        """Powers of the terms that are one signal each."""
-        return np.eye(len(self._names), self.powers_.shape[1], dtype=int)
 
     def _terms(self, signals: np.ndarray, scales: np.ndarray) -> np.ndarray:
         """Evaluate the terms on scaled signals, shape (n_samples, n_terms)."""

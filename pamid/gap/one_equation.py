@@ -201,11 +201,8 @@ def fitted_together(logs: Mapping[str, pd.DataFrame], each: Sequence[Simulator])
 
 def stuck_beside(x: np.ndarray, others: Table, codes: np.ndarray) -> np.ndarray:
     """Return the rows in which a reading stays at one value for long while other signals move: clipped or stuck."""
-    return stuck_rows(x, lambda a, b: any(_moves(v, a, b) for v in others.values()), codes)
-
-
-def _moves(x: np.ndarray, a: int, b: int) -> bool:
-    return bool(np.ptp(x[a:b]) > 5 * _STUCK_SHARE * max(float(np.ptp(x)), 1e-300))
+    least = [(v, 5 * _STUCK_SHARE * max(float(np.ptp(v)), 1e-300)) for v in others.values()]
+    return stuck_rows(x, lambda a, b: any(np.ptp(v[a:b]) > size for v, size in least), codes)
 
 
 def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:

@@ -41,7 +41,7 @@ from .residuals.tolerances import rms
 from .settings import EXCESS, LEAST_GAIN
 
 if TYPE_CHECKING:
-    from .several.result import Change, LogFinding
+    from .several.result import Change
     from .several.stacked import StackedEvidence
 
 
@@ -284,10 +284,12 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
     free = source.free if source is not None else evidence.free
     begun = dict(zip(free, map(float, about), strict=True))
     deviations = {n: v + begun.get(n, 0.0) for n, v in found.deviations.items()}
+    # The signals of one log are those at the centre of each window.
+    signals = {k: v[evidence.centre] for k, v in evidence.signals().items()} if source is None else source.signals()
     return replace(
         in_units(found, places, physical),
         notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *at_limits(evidence.given, deviations), *notes],
-        windows=_windows(found, source.signals() if source is not None else _signals(evidence)),
+        windows=_windows(found, signals),
         closure=_by_itself(evidence, found) if source is None and found.added else found.closure,
         nominal=evidence.given,
         corrected=corrected,
@@ -343,7 +345,7 @@ def in_units(
         causes=[_cause(c, places, physical or {}) for c in found.causes],
         families=[_cause(c, places, physical or {}) for c in found.families],
         candidates=[_candidate(c, places) for c in found.candidates],
-        logs=[_log(f, places) for f in found.logs],
+        logs=[replace(f, parameters={k: _at(places[k], v) for k, v in f.parameters.items()}) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )
 
@@ -352,11 +354,6 @@ def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
     """Return the simulator with the causes added: its own effects, and the first of each cause."""
     spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
     return evidence.corrected(spec, found.deviations)
-
-
-def _log(found: LogFinding, places: Mapping[str, Placement]) -> LogFinding:
-    """Return the findings for one of several logs, in the units of the ports."""
-    return replace(found, parameters={k: _at(places[k], values) for k, values in found.parameters.items()})
 
 
 def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
@@ -422,11 +419,6 @@ def _at(place: Placement, parameters: Mapping[str, ParameterEstimate]) -> dict[s
 def _candidate(c: Candidate, places: Mapping[str, Placement]) -> Candidate:
     place = places.get(c.effect)
     return c if place is None else replace(c, effect=place.name, where=place.port)
-
-
-def _signals(evidence: PortEvidence) -> dict[str, np.ndarray]:
-    """Return all signals at the centre of each window."""
-    return {k: v[evidence.centre] for k, v in evidence.signals().items()}
 
 
 def _windows(found: Diagnosis, signals: Mapping[str, np.ndarray]) -> pd.DataFrame:

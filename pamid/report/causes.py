@@ -152,12 +152,8 @@ def shown_unit(name: str, word: str, unit: str, port: str = "") -> str:
         return unit
     kind = _effect(name)
     p = next((q for q in kind.parameters if q.name == word), None) if kind else None
-    return "-" if p is None or _share(p) or (not port and _of_signal(kind, p)) else ""
+    return "-" if p is None or _share(p) or (not port and (p.position or "command" in kind.hooks())) else ""
 
 
 def _share(p: Parameter) -> bool:
     return p.share or p.skew or "relative" in p.description or "share" in p.description
-
-
-def _of_signal(kind: Any, p: Parameter) -> bool:
-    return bool(p.position) or "command" in kind.hooks()

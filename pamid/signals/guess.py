@@ -197,7 +197,7 @@ def _signal(header: Header, column: pd.Series, kind: str) -> str:
         return header.bare if own not in ("x", "L", "stroke") else _by_kind(own.replace("stroke", "x"), header, kind)
     kinds = {"time"} if header.words == ["x", "value"] else kinds_of(header.words)  # as LabVIEW calls its clock
     if "enabled" in kinds:
-        return "enabled" if _is_switch(column) else ""
+        return "enabled" if set(np.unique(_numbers(column))) <= {0.0, 1.0} else ""
     if "trajectory" in kinds and _names_runs(column):
         return "trajectory"
     if kinds & {"rate", "elsewhere"} and "time" not in kinds:
@@ -293,10 +293,6 @@ def _is_clock(column: pd.Series) -> bool:
     if len(values) < 10 or np.ptp(values) == 0.0:
         return False
     return bool(np.mean(steps > 0) > 0.99 and np.median(steps) * len(steps) > 0.3 * np.ptp(values))
-
-
-def _is_switch(column: pd.Series) -> bool:
-    return set(np.unique(_numbers(column))) <= {0.0, 1.0}
 
 
 def _names_runs(column: pd.Series) -> bool:

@@ -83,7 +83,8 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
     ('input', 'joint')
     """
     found: dict[str, tuple[str, type[Effect]]] = {}
-    for name, effect in sorted(all_effects().items(), key=lambda item: _rank(item[0])):
+    # Among those that are equivalent at a port a force's sensor comes first.
+    for name, effect in sorted(all_effects().items(), key=lambda item: (not item[0].startswith("force"), item[0])):
         hooks, bare = effect.hooks(), _PREFIX.sub("", name)
         if "command" in hooks and powers(effect, "command") is not None:
             found.setdefault(f"actuator_{bare}", ("input", effect))
@@ -101,11 +102,6 @@ def port_effects() -> dict[str, tuple[str, type[Effect]]]:
 
 def _effects_at(kind: str) -> list[tuple[str, type[Effect]]]:
     return [(name, effect) for name, (own, effect) in port_effects().items() if own == kind]
-
-
-def _rank(name: str) -> tuple[bool, str]:
-    """Return the rank of an effect among those that are equivalent at a port: a force's sensor first."""
-    return not name.startswith("force"), name
 
 
 def chosen(found: Mapping[str, Placement], effects: str | Sequence[str]) -> list[str]:

@@ -135,12 +135,9 @@ def ends_in(simulator: Simulator, joints: Sequence[JointPort]) -> list[LinkEnd]:
             port, unit = chambers.get(level), simulator.port(level).unit
             hot = unit in UNITS and UNITS[unit].dimension == "temperature"
             through = port.through if port else ""
-            found.append(LinkEnd(port.name if port else level, level, level, through, unit, _domain(hot)))
+            domain = "temperature" if hot else "store"
+            found.append(LinkEnd(port.name if port else level, level, level, through, unit, domain))
     return found
-
-
-def _domain(hot: bool) -> str:
-    return "temperature" if hot else "store"
 
 
 def _named(ends: Sequence[LinkEnd], name: str) -> LinkEnd:

@@ -123,15 +123,12 @@ def roles_of(words: Iterable[str]) -> set[str]:
 
 def dimensions_of(words: Iterable[str]) -> frozenset[str]:
     """Return the dimensions that some words agree on; where they do not, those of the highest derivative."""
-    said = sorted({DIMENSIONS_OF[w] for w in words if w in DIMENSIONS_OF}, key=lambda d: _ORDER.index(_key(d)))
+    rank = {frozenset(key): k for k, key in enumerate(_ORDER)}
+    said = sorted({DIMENSIONS_OF[w] for w in words if w in DIMENSIONS_OF}, key=lambda d: rank[d])
     found = said[0] if said else frozenset()
     for other in said[1:]:
         found = found & other or found
     return found
-
-
-def _key(dims: frozenset[str]) -> tuple[str, ...]:
-    return next(key for key in _ORDER if frozenset(key) == dims)
 
 
 def names_itself(word: str) -> bool:

@@ -141,7 +141,8 @@ class LevenbergMarquardt(Trainer):
         tape = forward(theta, batch.x, batch.direction, batch.a, activation)
         r = tape.y.sub(batch.y).mul_(root)
         pull = [p - q for p, q in zip(psi, origin, strict=True)]
-        return _Pass(psi, theta, tape, r, pull, float(r @ r), self.weight_decay * _squares(pull))
+        squares = float(sum(torch.dot(p.view(-1), p.view(-1)) for p in pull))
+        return _Pass(psi, theta, tape, r, pull, float(r @ r), self.weight_decay * squares)
 
     def _equations(self, here: _Pass, root: torch.Tensor, adapter: Reparametrisation) -> _DampedEquations:
         adjoint = adjoints(here.theta, here.tape, root)
@@ -169,10 +170,6 @@ class _Pass(NamedTuple):
 
 def _loss(trial: _Pass) -> float:
     return trial.loss
-
-
-def _squares(tensors: Parameters) -> float:
-    return float(sum(torch.dot(t.view(-1), t.view(-1)) for t in tensors))
 
 
 @dataclass(frozen=True)

@@ -89,7 +89,8 @@ def _cut(first: FirstOrder, passed: np.ndarray, count: int) -> Iterator[tuple[Te
     between = csr_array((np.ones(len(passed)), (passed, np.arange(len(passed)))), shape=(count + 1, len(passed)))
     for template in first.templates:
         A = template.columns * root[:, None]
-        products = np.column_stack([A * (evidence.z0 * root)[:, None], _squares(A)])
+        squares = (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
+        products = np.column_stack([A * (evidence.z0 * root)[:, None], squares])
         before, k = np.cumsum(between @ products, axis=0), A.shape[1]
         before, whole = before[:-1], before[-1]
         ridge = 1e-9 * np.trace(whole[k:].reshape(k, k)) + 1e-300
@@ -104,11 +105,6 @@ def _in_two(template: Template, after: np.ndarray) -> Template:
     """Return an effect with a size of its own on each side of a border."""
     columns = np.column_stack([template.columns * ~after[:, None], template.columns * after[:, None]])
     return replace(template, columns=columns, lower=np.tile(template.lower, 2), upper=np.tile(template.upper, 2))
-
-
-def _squares(A: np.ndarray) -> np.ndarray:
-    """Return the products of columns with each other, window by window, shape (n, k²)."""
-    return (A[:, :, None] * A[:, None, :]).reshape(len(A), -1)
 
 
 def _gain(products: np.ndarray, k: int, ridge: float) -> np.ndarray:

@@ -38,7 +38,8 @@ class Worth:
             for times in FORM_TIMES:
                 trial = self.discrepancy.width(fit, times) if times else None
                 both = widening if trial is None else trial if widening is None else trial * widening
-                s = self.fitter.linear(z, columns, *_bounds(k), precision, start=fit.x, soft=spread, widening=both, J=J)
+                ends = np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
+                s = self.fitter.linear(z, columns, *ends, precision, start=fit.x, soft=spread, widening=both, J=J)
                 total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
                 scaled = columns / np.broadcast_to(total, len(z))[:, None]
                 loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
@@ -156,7 +157,3 @@ class Worth:
 def _longest_run(evidence: ResidualSource) -> float:
     """Return the time from the first to the last window of the longest run, s."""
     return max((float(np.ptp(evidence.time[evidence.run == run])) for run in np.unique(evidence.run)), default=0.0)
-
-
-def _bounds(k: int) -> tuple[np.ndarray, np.ndarray]:
-    return np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)

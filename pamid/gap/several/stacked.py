@@ -233,11 +233,9 @@ class StackedEvidence:
 
     def touched(self, names: Collection[str]) -> list[str]:
         """Return the equations that effects change in any log."""
-        found = {e for k, log in enumerate(self.logs) for e in log.evidence.touched(self._here(names, k))}
+        here = [[self.plain(name) for name in names if self._is_there(name, k)] for k in range(len(self.logs))]
+        found = {e for log, some in zip(self.logs, here, strict=True) for e in log.evidence.touched(some)}
         return [e for e in self.equations if e in found]
-
-    def _here(self, names: Collection[str], k: int) -> list[str]:
-        return [self.plain(name) for name in names if self._is_there(name, k)]
 
     def has(self, name: str) -> bool:
         """Return whether any log has the signals that an effect acts on."""

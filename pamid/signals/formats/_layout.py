@@ -147,7 +147,8 @@ def _first_lines(path: Path, encoding: str) -> list[str]:
     left = _LINES
     with path.open(encoding=encoding, errors="replace", newline=None) as stream:
         for line in stream:
-            if len(line) > csv.field_size_limit() and (longest := _longest_field(line)) > csv.field_size_limit():
+            longest = max(map(len, re.split(r"[;,|\s]", line))) if len(line) > csv.field_size_limit() else 0
+            if longest > csv.field_size_limit():
                 raise LogFormatError(
                     f"{path.name}: line {len(lines) + 1} holds {longest:,} characters without a delimiter.",
                     f"fields of at most {csv.field_size_limit():,} characters",
@@ -158,10 +159,6 @@ def _first_lines(path: Path, encoding: str) -> list[str]:
             if not left or len(lines) > 20 * _LINES:
                 break
     return lines
-
-
-def _longest_field(line: str) -> int:
-    return max(map(len, re.split(r"[;,|\s]", line)))
 
 
 def _is_comment(line: str) -> bool:

@@ -35,7 +35,8 @@ def read(path: Path, mapping: LogMapping, max_bytes: int) -> tuple[list[RawTable
             collect(file, "", found, refused, depth=0)
             silent = f"({_TEXT})" if matlab else f"'{mapping.run_column}' ({_TEXT})"
             refused = [r for r in refused if not r.endswith(silent)]
-            of_names = _names_variable(file, mapping, path, max_bytes, matlab) if not _has_names(found, mapping) else {}
+            named = any(isinstance(item, dict) and mapping.run_column in item for item in found.values())
+            of_names = {} if named else _names_variable(file, mapping, path, max_bytes, matlab)
             if not found:
                 raise HostileLogError(
                     f"{path.name} holds no numeric data set{' but ' + ', '.join(refused[:4]) if refused else ''}.",
@@ -62,10 +63,6 @@ def is_matlab(path: Path, file: h5py.File) -> bool:
     with path.open("rb") as stream:
         marked = stream.read(6) == b"MATLAB"
     return marked or any("MATLAB_class" in item.attrs for item in _children(file).values())
-
-
-def _has_names(found: dict[str, Any], mapping: LogMapping) -> bool:
-    return any(isinstance(item, dict) and mapping.run_column in item for item in found.values())
 
 
 def _names_variable(
