@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import StreamError, UnknownParameterError
 from ._progress import progress
-from .common import columns_of, note
+from .common import note
 
 if TYPE_CHECKING:
     from ..online.stream import Samples
@@ -109,8 +109,9 @@ def _in_port_units(args: argparse.Namespace, simulator: Any) -> Callable[[dict[s
     import numpy as np
 
     from ..signals._tidy import as_wanted
+    from ..signals.log import mapping_for
 
-    mapping = columns_of(args.columns, simulator)
+    mapping, _ = mapping_for(simulator, args.columns)
     path = Path(args.stream)
 
     def convert(row: dict[str, Any]) -> dict[str, Any]:

@@ -78,23 +78,10 @@ def add_log_options(parser: argparse.ArgumentParser) -> None:
 
 def mapping_of(args: argparse.Namespace, simulator: Any = None) -> LogMapping:
     """Read the mapping that the arguments name; ports of a simulator say themselves what their columns mean."""
-    mapping = columns_of(args.columns, simulator)
+    from ..signals.log import mapping_for
+
+    mapping, _ = mapping_for(simulator, args.columns)
     return mapping if args.encoding is None else replace(mapping, encoding=args.encoding)
-
-
-def columns_of(columns: str | None, simulator: Any) -> LogMapping:
-    """Return a mapping of columns for a simulator: the names of its ports, and the units in which it wants them."""
-    from ..signals import LogMapping
-    from ..simulators.port_units import beside_si
-
-    mapping = LogMapping.load(columns, own=own_columns(simulator))
-    wanted = {} if simulator is None else beside_si((port.source, port.unit) for port in simulator.own_ports)
-    return replace(mapping, wanted=wanted)
-
-
-def own_columns(simulator: Any) -> list[str]:
-    """Return the columns that ports of a simulator name; none where a log has pamid's signals."""
-    return [] if simulator is None else [port.source for port in simulator.own_ports]
 
 
 def load_log(
@@ -103,8 +90,7 @@ def load_log(
     """Read the log that the arguments name; ports of a simulator say themselves what columns mean, and their units."""
     from ..signals import read_log
 
-    files, check = paths or args.log, not own_columns(simulator)
-    return read_log(files, mapping_of(args, simulator), nan=nan or args.nan, check_units=check)
+    return read_log(paths or args.log, args.columns, nan=nan or args.nan, encoding=args.encoding, simulator=simulator)
 
 
 def load_pieces(
@@ -113,8 +99,9 @@ def load_pieces(
     """Read the log that the arguments name piece by piece, each of whole runs."""
     from ..signals import read_log_pieces
 
-    check = not own_columns(simulator)
-    return read_log_pieces(args.log, mapping_of(args, simulator), rows=rows, nan=nan or args.nan, check_units=check)
+    return read_log_pieces(
+        args.log, args.columns, rows=rows, nan=nan or args.nan, encoding=args.encoding, simulator=simulator
+    )
 
 
 def load_simulator(path: str) -> BenchParameters:

@@ -152,7 +152,9 @@ def shown_unit(name: str, word: str, unit: str, port: str = "") -> str:
         return unit
     kind = _effect(name)
     p = next((q for q in kind.parameters if q.name == word), None) if kind else None
-    return "-" if p is None or _share(p) or (not port and (p.position or "command" in kind.hooks())) else ""
+    if kind is None or p is None or _share(p):
+        return "-"
+    return "" if port or not (p.position or "command" in kind.hooks()) else "-"
 
 
 def _share(p: Parameter) -> bool:

@@ -16,6 +16,7 @@ from .formats._lists import list_elements
 from .mapping import LogMapping, SignalMapping
 from .robots import with_own_clock
 from .stamps import seconds_of_stamps
+from .unit_names import unit_name
 from .units import UNITS, base_name, dimension_of, is_gauge_name
 
 _CLOCK = 1e8
@@ -295,7 +296,8 @@ def as_wanted(
     values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], mapping: LogMapping, path: Path
 ) -> np.ndarray:
     """Return a column's values in SI, or in the unit in which a simulator wants them; without a unit as they are."""
-    unit, stated, offset, factor = UNITS.get(mapping.wanted.get(signal, "")), how.si_unit(signal), 0.0, 1.0
+    unit, stated = UNITS.get(unit_name(mapping.own.get(signal, "")) or ""), how.si_unit(signal)
+    offset, factor = 0.0, 1.0
     if unit is not None and stated is not None and unit.dimension == stated.dimension:
         if unit[1:3] == stated[1:3] and how.source == "value":  # unchanged to the last bit
             how = replace(how, unit=None)

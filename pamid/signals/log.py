@@ -23,6 +23,7 @@ from pamid.errors import (
     SamplingWarning,
 )
 
+from ..face import AnySimulator
 from ..files import replacing
 from ..names import require_one_of
 from ._rows import Notes, free_name, handle_missing, handle_time, note_sampling, sampling_error, with_names
@@ -54,6 +55,7 @@ def read_log(
     ambient_pressure: float | None = None,
     encoding: str | None = None,
     max_bytes: int = MAX_BYTES,
+    simulator: AnySimulator | None = None,
 ) -> pd.DataFrame:
     """Read logs into one tidy frame with the columns ``trajectory``, ``time`` (s) and the signals in SI.
 
@@ -84,6 +86,9 @@ def read_log(
         Overrides the mapping's encoding of text files, such as "big5".
     max_bytes : int, default=16 GiB
         Largest size of a file once decompressed.
+    simulator : simulator, optional
+        Of `read_simulator` and the like: columns of its ports are converted to the ports' units instead of SI, and
+        need not look like what their names mean here.
 
     Returns
     -------
@@ -124,10 +129,19 @@ def read_log(
     ([401325.0, 411325.0, 431325.0], [0.0, 0.01, 0.02])
     """
     overrides = {"time_order": time_order, "duplicates": duplicates, "encoding": encoding}
+    mapping, check_units = mapping_for(simulator, mapping, check_units)
     settings = log_settings(mapping, nan, sampling, ambient_pressure=ambient_pressure, **overrides)
     log, notes = read_with_notes(paths, settings, nan=nan, check_units=check_units, max_bytes=max_bytes)
     say_notes(notes, sampling, stacklevel=3)
     return log
+
+
+def mapping_for(
+    simulator: AnySimulator | None, mapping: LogMapping | Mapping[str, Any] | PathLike | None, check_units: bool = True
+) -> tuple[LogMapping, bool]:
+    """Return a mapping to the ports of a simulator, if it has its own, and whether values must look like their unit."""
+    own = {} if simulator is None else {port.source: port.unit for port in simulator.own_ports}
+    return LogMapping.load(mapping, own), check_units and not own
 
 
 def read_with_notes(

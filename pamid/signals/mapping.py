@@ -4,7 +4,7 @@ import difflib
 import fnmatch
 import math
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from numbers import Integral, Real
 from pathlib import Path
@@ -221,11 +221,9 @@ class LogMapping:
         Of text files, such as "big5"; None: UTF-8, UTF-16, GB18030 or Latin-1, found automatically.
     keep_others : bool
         Whether to keep numeric columns that are not mapped.
-    own : tuple of str
-        Signals of a simulator of your own: their unit may be of another quantity than the name means here, such as
-        volts for ``u``.
-    wanted : mapping of str to str
-        Units other than SI in which a simulator of your own wants its signals.
+    own : mapping of str to str
+        Signals of a simulator of your own, each with the unit in which it wants them (empty: SI). Their unit may be of
+        another quantity than the name means here, such as volts for ``u``.
 
     Examples
     --------
@@ -254,19 +252,20 @@ class LogMapping:
     header: bool | None = None
     encoding: str | None = None
     keep_others: bool = False
-    own: tuple[str, ...] = ()
-    wanted: Mapping[str, str] = field(default_factory=dict)
+    own: Mapping[str, str] = field(default_factory=dict)
 
     @classmethod
-    def load(cls, source: Self | Mapping[str, Any] | str | Path | None, own: Sequence[str] = ()) -> Self:
+    def load(
+        cls, source: Self | Mapping[str, Any] | str | Path | None, own: Mapping[str, str] | Iterable[str] = ()
+    ) -> Self:
         """Build from a dict, a TOML file, another mapping, or nothing.
 
         Parameters
         ----------
         source : LogMapping, mapping, str, Path or None
             A dict of the parameters above, or only of signals; or the path of a TOML file with the same keys.
-        own : sequence of str, default=()
-            More names of a simulator's own.
+        own : mapping of str to str, or iterable of str
+            More signals of a simulator of your own, with or without their units.
 
         Returns
         -------
@@ -282,10 +281,11 @@ class LogMapping:
         UnitError
             If a unit is unknown or of another dimension than its signal.
         """
+        own = dict(own) if isinstance(own, Mapping) else dict.fromkeys(own, "")
         if source is None:
-            return cls(own=tuple(own))
+            return cls(own=own)
         if isinstance(source, cls):
-            return replace(source, own=(*source.own, *own)) if own else source
+            return replace(source, own={**source.own, **own}) if own else source
         if isinstance(source, str | Path):
             return cls.load(read_toml(source, "a mapping file", _ERRORS), own)
         if not isinstance(source, Mapping):
@@ -299,7 +299,7 @@ class LogMapping:
         _require_known(settings, sorted(keys), "the mapping")
         signals = dict(_table(settings.get("signals", {}), "signals"))
         _move_names(signals, settings)
-        names = settings["own"] = (*map(str, _sequence(settings.get("own", ()), "own")), *own)
+        names = settings["own"] = dict.fromkeys(map(str, _sequence(settings.get("own", ()), "own")), "") | own
         settings["signals"] = {str(n): SignalMapping.from_value(str(n), v, str(n) in names) for n, v in signals.items()}
         settings["files"] = tuple(_file_constants(entry) for entry in _sequence(settings.get("files", ()), "files"))
         for name, value in _table(settings.get("constants", {}), "constants").items():

@@ -16,12 +16,13 @@ import pandas as pd
 from pamid.errors import HostileLogError, InterleavedTrajectoryError, ParameterError
 from pamid.explained import explained_by
 
+from ..face import AnySimulator
 from ._rows import Notes, free_name, note_sampling, with_names
 from ._tidy import TRAJECTORY
 from .formats import RawTable, flat_columns, format_of, names_column
 from .formats._foreign import whole_file
 from .joining import is_joined
-from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, read_log, say_notes, tidy_tables
+from .log import MAX_BYTES, PathLike, find_logs, labels_of, log_settings, mapping_for, read_log, say_notes, tidy_tables
 from .mapping import LogMapping
 from .thinning import spread_evenly, whole_trajectories
 
@@ -43,7 +44,9 @@ def read_log_pieces(
     sampling: str = "warn",
     check_units: bool = True,
     ambient_pressure: float | None = None,
+    encoding: str | None = None,
     max_bytes: int = MAX_BYTES,
+    simulator: AnySimulator | None = None,
 ) -> Iterator[pd.DataFrame]:
     """Read logs as `read_log` does, but piece by piece, each of whole runs.
 
@@ -82,7 +85,8 @@ def read_log_pieces(
     """
     if isinstance(rows, bool) or not isinstance(rows, int | np.integer) or rows < 1:
         raise ParameterError(f"rows is {rows!r}.", "a whole number of at least 1", "Correct it.")
-    overrides = {"time_order": time_order, "duplicates": duplicates}
+    overrides = {"time_order": time_order, "duplicates": duplicates, "encoding": encoding}
+    mapping, check_units = mapping_for(simulator, mapping, check_units)
     settings = log_settings(mapping, nan, sampling, ambient_pressure=ambient_pressure, **overrides)
     return _pieces(find_logs(paths), settings, int(rows), nan, sampling, check_units, max_bytes)
 

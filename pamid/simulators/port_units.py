@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from itertools import combinations
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -30,12 +30,6 @@ ABOUT, CLOSE = 0.1, 0.02
 """How far a factor may be, in its logarithm, from that of a unit: as a model says it, and as a rate does."""
 _COUNTS = 50.0
 """Range beyond which whole numbers are counts rather than settings."""
-
-
-def beside_si(ports: Iterable[tuple[str, str]]) -> dict[str, str]:
-    """Return the units of ports, given by name, that are not those of SI, as `pamid.signals.UNITS` names them."""
-    found = {name: unit_name(unit) or "" for name, unit in ports if unit not in ("", "-")}
-    return {name: unit for name, unit in found.items() if unit in UNITS and UNITS[unit][1:3] != (1.0, 0.0)}
 
 
 def tell_unit_doubts(simulator: Simulator, log: PortLog) -> None:

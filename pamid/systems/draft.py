@@ -19,7 +19,6 @@ from ..signals.mapping_text import mapping_text
 from ..signals.unit_names import parse_quantity, unit_name
 from ..signals.units import UNITS, dimension_of
 from ..simulators.dimensions import unit_powers
-from ..simulators.port_units import beside_si
 from ..simulators.written_units import in_si
 from . import all_systems
 from .base import Input
@@ -297,10 +296,7 @@ class Draft:
     def read(self) -> pd.DataFrame:
         """Read the logs with the mapping."""
         checked = not self.ports  # typical values of muscles do not hold for other systems
-        mapping: Any = self.mapping()
-        if self.ports:
-            wanted = beside_si((port.name, port.unit) for port in self.ports)
-            mapping = replace(LogMapping.load(mapping), wanted=wanted)
+        mapping = LogMapping.load(self.mapping(), {port.name: port.unit for port in self.ports})
         return read_log(self.paths, mapping, nan="keep", sampling="ignore", check_units=checked)
 
     def run_names(self) -> list[str]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -153,9 +152,8 @@ def _read(args: argparse.Namespace, own: dict[str, str]) -> tuple[pd.DataFrame, 
     """Read the log; unlike other commands, report doubts about units or clock instead of refusing it."""
     from ...signals import LogMapping
     from ...signals.log import log_settings, read_with_notes
-    from ...simulators.port_units import beside_si
 
-    mapping = replace(LogMapping.load(args.columns, own=list(own)), wanted=beside_si(own.items()))
+    mapping = LogMapping.load(args.columns, own=own)
     nan = "keep" if args.nan == "raise" else args.nan
     check_units, order = True, None
     doubts: list[str] = []
