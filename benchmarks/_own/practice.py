@@ -64,16 +64,14 @@ FOLDER: list[Path] = []
 
 def read(folder: Path, log: Log) -> tuple[Any, Any]:
     """Return the log and the simulator, as ``pamid diagnose --trust`` reads them."""
-    from pamid.signals import LogMapping, read_log
+    from pamid.signals import read_log
     from pamid.simulators import MujocoSimulator, read_simulator
 
     page = folder / log.page
     simulator = MujocoSimulator(page) if page.suffix == ".xml" else read_simulator(page, trust=True)
     columns = folder / "columns.toml"
-    mapping = LogMapping.load(
-        str(columns) if columns.is_file() else None, own=[port.source for port in simulator.ports]
-    )
-    return read_log(sorted(folder.glob(log.logs)), mapping, check_units=False), simulator
+    mapping = columns if columns.is_file() else None
+    return read_log(sorted(folder.glob(log.logs)), mapping, simulator=simulator), simulator
 
 
 def solve(name: str) -> Record:

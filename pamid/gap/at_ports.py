@@ -21,6 +21,7 @@ from .inference.hypotheses import Outcome
 from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
+from .residuals.choice import beside_inputs
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
@@ -129,7 +130,7 @@ def diagnose_evidence(
             )
         except UnjudgedError as why:
             say("once more by predictions, in which noise hides less than in the equations")
-            predicted = ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines)
+            predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
     return twice(lambda _: told(found, evidence)), known.learned

@@ -56,6 +56,7 @@ def evidence_of(
     from .residuals.choice import (
         BY_POSITION,
         PREDICTED_IF,
+        beside_inputs,
         better_derived,
         motion_is_hidden,
         sign_may_be_lost,
@@ -75,8 +76,8 @@ def evidence_of(
     def predicted(longest: int = 0) -> ShootingEvidence:
         found = ShootingEvidence(at_ports, simulator, refit=refit, longest=longest)
         if in_lines(found):
-            return ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest, like=found)
-        return found
+            found = ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest, like=found)
+        return beside_inputs(found)
 
     if derived is None or (simulated and simulator.form != "algebraic"):
         return predicted()

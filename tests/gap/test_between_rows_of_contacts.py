@@ -46,7 +46,7 @@ def log() -> pd.DataFrame:
 
 def test_what_happens_between_rows_is_noise_of_the_windows_there(log: pd.DataFrame) -> None:
     found = evidence_of(log.drop(columns="dz"), ball())
-    z = found._without_causes().z
+    z = found.without_causes().z
     assert np.sqrt(np.mean(np.square(z))) < 1.4
     assert np.max(np.abs(z)) < 8.0
 

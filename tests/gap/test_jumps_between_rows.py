@@ -48,19 +48,19 @@ def evidence(log):
 def test_what_unknown_instants_of_jumps_change_is_noise():
     found = evidence(recorded(0.25))
     assert NOTE in found.notes
-    assert max(found._without_causes().scales) < 1.1
+    assert max(found.without_causes().scales) < 1.1
 
 
 @pytest.mark.parametrize(("step", "gain"), [(0.0, 1.0), (0.0, 1.2)])
 def test_without_jumps_nothing_is_unknown_whatever_the_gap(step, gain):
     found = evidence(recorded(step, gain))
     assert NOTE not in found.notes
-    assert (max(found._without_causes().scales) > 2.0) == (gain > 1.0)
+    assert (max(found.without_causes().scales) > 2.0) == (gain > 1.0)
 
 
 def test_jumps_leave_a_gap_what_it_is():
     found = evidence(recorded(0.25, 1.2))
-    assert max(found._without_causes().scales) > 2.0
+    assert max(found.without_causes().scales) > 2.0
 
 
 def test_smooth_inputs_have_no_jumps():

@@ -124,7 +124,7 @@ def test_whole_runs_without_states_are_fitted_where_they_do_not_follow_the_log()
     a = np.sin(np.arange(300) / 9.0)
     y = 3.0 * a + 1e-3 * np.random.default_rng(0).standard_normal(300)
     log = port_log(pd.DataFrame({"trajectory": "run", "time": 0.02 * np.arange(300), "a": a, "y": y}), simulator)
-    assert max(ShootingEvidence(log, simulator, refit=True)._without_causes().scales) > 10.0  # the gap is there
+    assert max(ShootingEvidence(log, simulator, refit=True).without_causes().scales) > 10.0  # the gap is there
 
 
 def test_a_run_that_failed_says_nothing_of_others():

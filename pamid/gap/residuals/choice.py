@@ -6,11 +6,12 @@ import numpy as np
 
 from ...signals.ends import end_of
 from ...signals.noise import quantisation_step
-from ..settings import LEAST_GAIN
+from ..settings import EXCESS, LEAST_GAIN
 from .bends import MATTERS
 from .direct import DirectEvidence
 from .kinematic import both_measured
-from .stretches import BELOW, SHORT
+from .shooting import ShootingEvidence
+from .stretches import BELOW, SHORT, SHORTEST
 from .tolerances import rms
 from .window_length import HIDDEN, most_samples, window_noise
 
@@ -34,6 +35,24 @@ BY_POSITION = (
 )
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""
+
+
+def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
+    """Return predictions over stretches so short that a gap is not taken for the noise of inputs.
+
+    In predictions that noise adds up, the longer the more, until it has the size of what an effect leaves. Where it
+    does not explain shorter ones, down to those in which it is no more than the noise of readings, there is a gap: the
+    stretches with most to explain show it best. Otherwise the noise counts.
+    """
+    shorter, simulator, shows = found, found.simulator, list[ShootingEvidence]()
+    if not found.hears_inputs or simulator.form != "ode" or simulator.one_by_one:  # which would take too long
+        return found
+    length = max(s.stop - s.first for s in found.stretches)
+    while shorter.by_inputs > 1.0 and (length := length // 2) >= SHORTEST:
+        shorter = ShootingEvidence(found.log, found.given, refit=found.refit, lines=found.lines, longest=length)
+        if not shorter.hears_inputs and np.any(shorter.without_causes().scales > 1.0 + EXCESS):
+            shows.append(shorter)
+    return min(shows, key=ShootingEvidence.base_loglik) if shows else found
 
 
 def sensor_ends(found: DirectEvidence) -> bool:

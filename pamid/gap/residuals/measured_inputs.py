@@ -51,6 +51,11 @@ def exceeds(left: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> b
     return bool(np.any(_sizes(left[None], parts) > _sizes(readings, parts)))
 
 
+def relative(drawn: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> float:
+    """Return the size of draws in units of the noise of readings, in the equation where it is largest."""
+    return float(np.max(_sizes(drawn, parts) / _sizes(readings, parts)))
+
+
 def _uncertain(drawn: np.ndarray, parts: Sequence[slice]) -> np.ndarray:
     """Return by how much the size of noise is uncertain, relative: as a gap may exceed it.
 

@@ -145,7 +145,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         if self.lines or self.simulator.form == "algebraic" or not any(np.ptp(u) > 0.0 for u in self._u):
             return False
         if self.simulator.form == "run" and not (
-            self.simulator.any_step and np.any(self._without_causes().scales > 1.0 + EXCESS)
+            self.simulator.any_step and np.any(self.without_causes().scales > 1.0 + EXCESS)
         ):
             return False  # it takes several runs, where there is something to explain
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
@@ -153,9 +153,9 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
 
     def base_loglik(self) -> float:
         """Return the likelihood of the log without any cause."""
-        return self._without_causes().loglik
+        return self.without_causes().loglik
 
-    def _without_causes(self) -> RobustFit:
+    def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
         return solve(self.z0, self.J, *self.ends, self.parts, self.weights)
 

@@ -17,7 +17,7 @@ from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
-from .measured_inputs import exceeds, rough_inputs, shown, white_over, without_slow
+from .measured_inputs import exceeds, relative, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
 from .tolerances import rms
@@ -63,7 +63,10 @@ class WindowNoise(ABC):
     _laid: Remembered[np.ndarray]
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
-    _heard = False
+    hears_inputs = False
+    """Whether the noise of inputs counts."""
+    by_inputs = 0.0
+    """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     _unresolved: np.ndarray | float = 0.0
     _whitening: Whitening
 
@@ -78,7 +81,7 @@ class WindowNoise(ABC):
         """Return the change of the residuals by one tolerance of each parameter."""
 
     @abstractmethod
-    def _without_causes(self) -> RobustFit:
+    def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
 
     @abstractmethod
@@ -140,7 +143,7 @@ class WindowNoise(ABC):
 
         By default it is a fit without any cause. What it does with an input within a sample it does with its noise.
         """
-        if self._heard or self.simulator.form == "algebraic":  # whose inputs are readings anyway
+        if self.hears_inputs or self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
         sigma = rough_inputs(self._u, self.log.spans)
         if not np.any(sigma):
@@ -155,7 +158,7 @@ class WindowNoise(ABC):
         def judged(r: np.ndarray) -> np.ndarray:
             return quick(self._whitening.white(r / self.noise))
 
-        fitted = fitted or self._without_causes()
+        fitted = fitted or self.without_causes()
         left = quick(fitted.z)
         readings = np.array([judged(one) for one in self._drawn])
         if not exceeds(left, readings, self.parts):
@@ -172,7 +175,9 @@ class WindowNoise(ABC):
             for each in noise
         ]
         alike = [np.array([judged(one) for one in each]) for each in draws]
-        which = shown(left, readings, [x[np.arange(count) % different] for x in alike], self.parts)
+        each = [x[np.arange(count) % different] for x in alike]
+        self.by_inputs = relative(np.sum(each, axis=0), readings, self.parts)
+        which = shown(left, readings, each, self.parts)
         if not which:
             return False
         for k in which:
@@ -180,7 +185,7 @@ class WindowNoise(ABC):
         louder = self._u + np.sum([noise[k][(count - 1) % different] for k in which], axis=0)
         self._copies[-1] = {**self._copies[-1], **dict(zip(self.simulator.inputs, louder, strict=True))}
         names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
-        self._heard = True
+        self.hears_inputs = True
         self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
         self._level()
         self._correlate()
@@ -195,7 +200,7 @@ class WindowNoise(ABC):
         """
         if self.simulator.form != "run" and (self.simulator.form != "ode" or not self.log.between):
             return
-        before = self._without_causes()
+        before = self.without_causes()
         if not np.any(before.scales > 1.0 + EXCESS):
             return
         off, noise = off_rows(self.simulator.inputs, self.log), self.noise
@@ -207,7 +212,7 @@ class WindowNoise(ABC):
             self._leave_open(np.hypot(known, more))
             louder = np.log(self.noise / noise)
             cost = sum(w * np.sum(louder[p]) for w, p in zip(self.weights, self.parts, strict=True))
-            if (gain := self._without_causes().loglik - cost) > best:
+            if (gain := self.without_causes().loglik - cost) > best:
                 best, told = gain, self._unresolved
         self._leave_open(told)
         if told is not known:
