@@ -52,7 +52,7 @@ def diagnose_at_ports(
     change: Callable[[int], float] | None = None,
 ) -> Diagnosis:
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
-    evidence = evidence_of(log, simulator, refit=True)
+    evidence = evidence_of(log, simulator, refit=True, say=say)
     found = diagnose_evidence(evidence, effects, seed, say, change)[0]
 
     def cut() -> Diagnosis:

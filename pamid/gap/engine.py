@@ -48,6 +48,7 @@ def screened(competition: Competition, interrupted: bool, say: Callable[[str], N
     """Return the library to first order; of an interrupted search its effects one by one."""
     competition.interrupted = interrupted
     try:
+        say("compare sets of effects to first order")
         found = competition.screen(1 if interrupted else MOST_CAUSES)
     except KeyboardInterrupt as stop:
         stopped(stop)
@@ -94,16 +95,19 @@ def explain(
         competition = Competition(searched or evidence, library, say, known)
         competition.begin = begin or {}
         screen = screened(competition, interrupted, say)
-        if change is not None and (border := runs_differ(competition, screen, change)) is not None:
-            raise RunsDifferError(border)
-        outcome = competition.refit(screen)
-
-        def so_far() -> Outcome:
-            competition.interrupted = True
-            return outcome
 
         def stop() -> None:
-            so_far()
+            competition.interrupted = True
+
+        def so_far() -> Outcome:
+            stop()
+            return outcome
+
+        if change is not None:
+            border = unless_stopped(lambda: runs_differ(competition, screen, change), stop)
+            if border is not None:
+                raise RunsDifferError(border)
+        outcome = competition.refit(screen)
 
         again = unless_stopped(
             lambda: with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say))),

@@ -47,8 +47,9 @@ if TYPE_CHECKING:
 
 @np.errstate(all="ignore")  # what is not finite is refused in words
 def evidence_of(
-    log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False, lines: bool | None = None
-) -> PortEvidence:
+    log: pd.DataFrame, simulator: Simulator, refit: bool = False, simulated: bool = False, lines: bool | None = None,
+    say: Callable[[str], None] = lambda _: None,
+) -> PortEvidence:  # fmt: skip
     """Return the evidence of a log: directly where it holds the states, else by simulating short stretches.
 
     Inputs are held or go in lines from row to row, whichever explains more, unless `lines` says so.
@@ -74,6 +75,7 @@ def evidence_of(
         return found.lines_explain_more() if lines is None else lines
 
     def predicted(longest: int = 0) -> ShootingEvidence:
+        say("simulate the log from fitted initial states and parameters")
         found = ShootingEvidence(at_ports, simulator, refit=refit, longest=longest)
         if in_lines(found):
             found = ShootingEvidence(at_ports, simulator, refit=refit, lines=True, longest=longest, like=found)
@@ -81,6 +83,7 @@ def evidence_of(
 
     if derived is None or (simulated and simulator.form != "algebraic"):
         return predicted()
+    say("compare the rates of the simulator with the log")
     found = DirectEvidence(at_ports, simulator, derived, refit)
     if better := better_derived(found):
         by_position = DirectEvidence(at_ports, simulator, {**derived, **better}, refit)

@@ -51,7 +51,7 @@ class Runner:
         self, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting = (), most: float = MOST,
         near: np.ndarray | None = None,
     ) -> np.ndarray:  # fmt: skip
-        """Return the states along runs; from states near them, where these are known, at all steps at once."""
+        """Return the states along runs; from states near them, where these are known, at many steps at once."""
         wanted = {name for place, _ in acting for name in place.sources()}
         paths = [name for name in self.paths if name in wanted]
         x = np.vstack([x0, np.zeros((len(paths), x0.shape[1]))])
@@ -59,16 +59,34 @@ class Runner:
         for place, made in acting:
             s = place.signals(self._table(x, u[0], paths), t[0])
             memory.append(made.start(s, place.plant, self.dt * place.scales.time))
-        if near is not None and self.simulator.at_once:
-            found = self._from_near(near, t, x, u, p, acting, memory, most, paths)
-            if found is not None:
-                return found
-        out = np.empty((len(t), *x.shape))
-        h = self.dt / self.substeps
-        for k in range(len(t)):
-            out[k] = x
-            if k + 1 == len(t):
-                break
+        out, k, length = np.empty((len(t), *x.shape)), 0, max(len(t) - 1, 1)
+        at_once = near is not None and self.simulator.at_once
+        near = near.copy() if near is not None else out
+        least = _ROUNDS * (1 + sum(np.size(own) for own in (x, *memory)) // x.shape[1])
+        while k + 1 < len(t):
+            rows = slice(k, min(k + length, len(t) - 1) + 1)
+            part = t[rows], x, u[rows], p[rows] if p.ndim == 3 else p, acting, memory, most, paths
+            if at_once and length > 1 and length * self.substeps > least:
+                found = self._from_near(near[rows], *part)
+                if found is None:
+                    length //= 2
+                    continue
+            else:  # as few calls as rounds over all these steps would need
+                found = self._step_by_step(k, *part)
+            known, memory = found
+            out[k : k + len(known)] = known
+            x, k, length = known[-1], k + len(known) - 1, 2 * (len(known) - 1)
+        out[k] = x
+        return out
+
+    def _step_by_step(
+        self, first: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
+        memory: list[Any], most: float, paths: Sequence[str],
+    ) -> tuple[np.ndarray, list[Any]]:  # fmt: skip
+        """Return the states at rows from a first one on, and the memory at the last."""
+        out, h = np.empty((len(t), *x.shape)), self.dt / self.substeps
+        out[0] = x
+        for k in range(len(t) - 1):
             now = p[k] if p.ndim == 3 else p
             for j in range(self.substeps):
                 held = u[k] + (j + 0.5) / self.substeps * (u[k + 1] - u[k]) if self.lines else u[k]
@@ -77,19 +95,20 @@ class Runner:
                     if self.failed is None and not np.isfinite(x).all():
                         bad = ~np.isfinite(x[: len(self.simulator.states)])
                         run = int(np.argmax(bad.any(axis=0)))
-                        self.failed = k, [self.simulator.states[j] for j in np.flatnonzero(bad[:, run])], run
+                        self.failed = first + k, [self.simulator.states[j] for j in np.flatnonzero(bad[:, run])], run
                     x = np.clip(np.nan_to_num(x, nan=most), -most, most)
-        return out
+            out[k + 1] = x
+        return out, memory
 
     def _from_near(
         self, near: np.ndarray, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
         memory: list[Any], most: float, paths: Sequence[str],
-    ) -> np.ndarray | None:  # fmt: skip
-        r"""Return the same by Newton's method over all steps at once; None where it does not converge.
+    ) -> tuple[np.ndarray, list[Any]] | None:  # fmt: skip
+        r"""Return the same by Newton's method over all steps at once, as far as it converges; None where that is no row.
 
         All steps :math:`z_{k+1} = \Phi_k(z_k)` of states and memory are equations for a whole run. To first order
         their errors follow each other from step to step, so that each round calls the simulator a few times for all
-        rows, not once for each.
+        rows, not once for each. Kinks of an effect end it early: what it reached then becomes `near`, in place.
         """
         (n, many), m = x0.shape, self.substeps
         kept = [np.asarray(own).reshape(-1, many) for own in memory]
@@ -133,14 +152,15 @@ class Runner:
             missed = (there - _flat(z[1:])).reshape(len(size), steps, many).transpose(2, 1, 0)
             moved = chains.followed(missed.reshape(-1, len(size))).reshape(many, steps + 1, len(size))
             z += moved.transpose(1, 2, 0)
-            far = float(np.max(np.abs(moved[..., :n]) / size[:n, 0]))  # memory has kinks of its own
-            if far <= _EXACT:
-                return z[::m, :n]
+            off = np.max(np.abs(moved[..., :n]) / size[:n, 0], axis=(0, 2))  # memory has kinks of its own
+            far = float(np.max(off))
             astray, best = (0, far) if far < best else (astray + 1, best)
-            if astray == _ASTRAY:
-                return None
+            if far <= _EXACT or astray == _ASTRAY:
+                break
             chains, last = chains if far < _FRESH * last else None, far
-        return None
+        near[:] = z[::m, : near.shape[1]]
+        rows = max(int(np.argmax(off > _EXACT)) - 2, 0) // m if far > _EXACT else len(t) - 1
+        return (z[::m, :n][: rows + 1], list(np.split(z[rows * m, n:], ends[:-1])) if kept else []) if rows else None
 
     def _remembered(
         self, acting: Acting, x: np.ndarray, u: np.ndarray, t: np.ndarray, paths: Sequence[str]

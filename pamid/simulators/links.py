@@ -118,6 +118,28 @@ class Link:
         added[states.index(self.first.state)] += one * force
         added[states.index(self.second.state)] -= two * self.lever * force
 
+    def release(
+        self, half_width: float, damped: float, simulator: Simulator,
+        at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], added: np.ndarray,
+    ) -> None:  # fmt: skip
+        """Take away from rates what the simulator's own coupling transmits within a play, under parameters as they are.
+
+        Each end gets what it would get if the other one stood nearer by the play, and moved along within it.
+        """
+        t, x, u, p = at
+        rows = {end: [simulator.states.index(n) for n in (end.across, end.state)] for end in self.ends}
+        apart = x[rows[self.first]] - self.ratio * x[rows[self.second]]
+        within = np.abs(apart[0]) < half_width
+        less = np.stack([np.clip(apart[0], -half_width, half_width), np.where(within, (1.0 - damped) * apart[1], 0.0)])
+        nearer, along = x.copy(), x.copy()
+        nearer[rows[self.second]] += less / self.ratio
+        along[rows[self.first]] -= less
+        times, n = np.tile(t, 3) if np.ndim(t) else t, x.shape[1]
+        rates = simulator.rate(times, np.hstack([x, nearer, along]), np.tile(u, 3), np.tile(p, 3))
+        for k, end in enumerate(self.ends, 1):
+            row = rows[end][1]
+            added[row] += rates[row, k * n : (k + 1) * n] - rates[row, :n]
+
 
 # --- ends ---------------------------------------------------------------------------------------------------
 def ends_in(simulator: Simulator, joints: Sequence[JointPort]) -> list[LinkEnd]:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..effects import Effect, Signals
+from ..effects.backlash import Play
 from ..effects.plant import Surroundings
 from ..effects.values import checked_value
 from .base import Simulator
@@ -189,7 +190,9 @@ class Placement:
         at: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray], u: np.ndarray, added: np.ndarray,
     ) -> None:  # fmt: skip
         """Apply a force or flow to `u` or to rates `added`, in place; `at`: times, states, inputs, parameters."""
-        if self.link is not None:
+        if self.link is not None and isinstance(made, Play) and self.link.shares is not None:
+            self.link.release(made.half_width * self.scales.position, made.damped, simulator, at, added)
+        elif self.link is not None:
             self.link.push(force, simulator, at, u, added)
         elif self.enters == "input":
             u[simulator.inputs.index(self.at)] += force

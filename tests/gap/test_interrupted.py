@@ -90,7 +90,9 @@ def test_what_is_known_is_said_before_the_search_has_ended(log: pd.DataFrame) ->
     assert "viscous friction at x, which closes" in told[so_far[-1]]
 
 
-@pytest.mark.parametrize("word", ["refit with", "sensitivity to maxwell", "learn what could be explained"])
+@pytest.mark.parametrize(
+    "word", ["refit with", "sensitivity to maxwell", "learn what could", "compare sets of effects", "look for a change"]
+)
 def test_the_best_answer_so_far_stands_where_somebody_interrupts(log: pd.DataFrame, word: str) -> None:
     found = diagnose_simulator(log, RAILS, LIBRARY, progress=stopping(word))
     assert INTERRUPTED in found.notes

@@ -94,6 +94,24 @@ def test_memory_near_a_run_is_found_without_a_loop_over_its_steps(monkeypatch):
     assert len(steps) < T / 2
 
 
+@pytest.mark.parametrize(("stiffness", "damping", "substeps"), [(100.0, 5.0, 1), (1000.0, 10.0, 4)])
+def test_runs_with_many_kinks_are_led_to_in_parts(stiffness, damping, substeps):
+    """A mass that rattles between two stops, which damp only where it touches them."""
+    ports = [Port("force", "input", "N"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+
+    def rates(t, x, u, p):
+        beyond = x.x - np.clip(x.x, -0.1, 0.1)
+        return [x.v, u.force - np.where(beyond != 0.0, stiffness * beyond + damping * x.v, 0.0)]
+
+    simulator, (t, x0, u) = FunctionSimulator(rates, ports, {}), given()
+    near, p, x0 = np.stack([0.01 * u[:, 0], 0.01 * u[:, 0]], axis=1), np.zeros((0, RUNS)), 0.1 * x0
+    runner = Runner(simulator, DT, (), substeps)
+    exact, often = calls_of(simulator, lambda: runner.states(t, x0, u, p))
+    found, few = calls_of(simulator, lambda: runner.states(t, x0, u, p, near=near))
+    np.testing.assert_allclose(found, exact, atol=1e-10)
+    assert few < 0.5 * often
+
+
 def test_what_no_such_round_reaches_is_run_step_by_step():
     ports = [Port("force", "input", "N"), Port("v", "state", "m/s")]
     stuck = FunctionSimulator(lambda t, x, u, p: [u.force - 40.0 * np.sign(x.v - 0.1)], ports, {})

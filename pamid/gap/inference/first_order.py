@@ -78,6 +78,7 @@ class FirstOrder(Worth):
         template = self.templates[subset.templates[0]]
         straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]
         deviations = dict(zip(evidence.free, map(float, subset.x[:m]), strict=True))
+        self.say(f"run {in_words(template.effect)}")
         there = evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
         apart, size = float(np.linalg.norm(there - straight)), float(np.linalg.norm(straight))
         return min(1.0, apart / max(size, 1e-300))

@@ -48,6 +48,7 @@ def runs_differ(first: FirstOrder, screen: Screen, odds: Callable[[int], float])
     """
     if screen.about is None:
         return None
+    first.say("look for a change of an effect between runs or within them")
     nothing = screen.about.fit(())
     best = max((s.score for s in screen.contenders), default=nothing.score)
     for borders, passed in _borders(first.evidence):

@@ -73,7 +73,7 @@ class Response:
             whole = drawn(drive.u, self.log.starts, 1)
             u = 0.5 * (whole[:, before] + whole[:, before + 1])
         added = np.zeros((len(x), len(before)))
-        at = self.log.t[before], x[:, before], u.copy(), drive.p[:, before]
+        at = self.log.t[before], 0.5 * (x[:, before] + x[:, before + 1]), u.copy(), drive.p[:, before]
         for place, made in drive.acting:
             force = self._force(place, made, x, drive.u)
             force = 0.5 * (force[before] + force[before + 1])

@@ -34,16 +34,16 @@ def diagnose_port_logs(
     """Diagnose several logs of one simulator with ports together."""
     refuse_twice(logs)
     names, held = list(logs), conditions_of(list(logs), conditions)
-    each = _evidence(logs, simulator, held)
+    each = _evidence(logs, simulator, held, say)
     places = {k: p for e in reversed(each) for k, p in e.placements.items()}
     asked = each[-1].library(effects, places)
     with threadpool_limits(1):
         library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
-        say("estimate what could be explained")
         close, shares = dict[str, None](), list[float]()
-        for one, some in zip(each, kept, strict=True):
+        for name, one, some in zip(names, each, kept, strict=True):
+            say(f"estimate what could be explained of {name}")
             names_here = [k for k in library if k in some]
             known = learn(one, names_here)
             shares.append(known.share)
@@ -60,17 +60,19 @@ def diagnose_port_logs(
     return told(found, each[-1], stack)
 
 
-def _evidence(logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions]) -> list[PortEvidence]:
+def _evidence(
+    logs: Mapping[str, pd.DataFrame], simulator: Simulator, held: Sequence[Conditions], say: Callable[[str], None]
+) -> list[PortEvidence]:
     """Return the evidence of each log, computed in the same way; an error names its log."""
     found: list[PortEvidence] = []
     longest, under = max(logs, key=lambda name: len(logs[name])), [c.under(simulator) for c in held]
     under = fitted_together(logs, under)
     for (name, log), its in zip(logs.items(), under, strict=True):
         with naming(name):
-            found.append(evidence_of(log, its, refit=name == longest))
+            found.append(evidence_of(log, its, refit=name == longest, say=say))
     if len({type(e) for e in found}) > 1:  # the log with the fewest states decides how all are evaluated
         found = [
-            evidence_of(log, its, refit=name == longest, simulated=True)
+            evidence_of(log, its, refit=name == longest, simulated=True, say=say)
             for (name, log), its in zip(logs.items(), under, strict=True)
         ]
     _refuse_strangers(dict(zip(logs, found, strict=True)))
