@@ -90,6 +90,9 @@ def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
         whole = re.search(r"[\s_]+(\S[^\s_]*)$", left) if mark[0] == "/" else None
         if whole and (unit := unit_name(f"{whole[1]}/{right}")) is not None:  # m/s rather than s
             return left[: whole.start()], unit, ""
+        composed = whole and whole[1].casefold() not in SIDES and unit_name(whole[1]) and unit_name(right)
+        if whole and composed:  # W/m2, of no dimension in the table
+            return left[: whole.start()], None, f"{whole[1]}/{right}"
         if left and right and (unit := unit_name(right)) is not None and not right.isdigit():
             return left, unit, ""
     slash = re.search(r"\s+/\s+(\S+)$", name)

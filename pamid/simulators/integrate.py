@@ -104,7 +104,7 @@ class Runner:
         self, near: np.ndarray, t: np.ndarray, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
         memory: list[Any], most: float, paths: Sequence[str],
     ) -> tuple[np.ndarray, list[Any]] | None:  # fmt: skip
-        r"""Return the same by Newton's method over all steps at once, as far as it converges; None where that is no row.
+        r"""Return the same by Newton's method over all steps at once, as far as it converges; None where it does not.
 
         All steps :math:`z_{k+1} = \Phi_k(z_k)` of states and memory are equations for a whole run. To first order
         their errors follow each other from step to step, so that each round calls the simulator a few times for all

@@ -1,5 +1,6 @@
 """The first draft of a mapping and a simulator file for a log that nobody has described yet."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -29,6 +30,8 @@ from .reference import disagreement, zero_of_force
 _TYPICAL = {"rest_length": 0.2, "rest_diameter": 0.02, "bore": 0.025}
 _SHARES = {name for name, unit in UNITS.items() if unit.dimension == "ratio"}
 _OF_KIND = {"bore": "cylinder", "rod": "cylinder", "rest_diameter": "muscle", "gravity": "joint", "limit": "joint"}
+_LITRES = re.compile(r"[\[(]\s*([lL])\s*[\])]")
+"""A volume in litres, which a header of two muscles has for the left one."""
 _STROKE = frozenset(("x", "stroke", "hub", "kolbenhub", "kolbenweg", "piston", "cylinder", "zylinder", "rod"))
 
 
@@ -39,7 +42,10 @@ def kinds() -> list[str]:
 
 def composed_unit(column: str | int | None) -> str:
     """Return the unit in a column's name that is made of others, such as kmol/min; empty where there is none."""
-    said = read_header(column).unread if isinstance(column, str) else ""
+    if not isinstance(column, str):
+        return ""
+    header, litres = read_header(column), _LITRES.search(column)
+    said = header.unread or (litres[1] if litres and header.unit is None else "")
     return said if said and in_si(said) else ""
 
 

@@ -90,3 +90,15 @@ def test_units_that_are_made_of_others_are_read_in_si(tmp_path, capsys):
     assert 'feed = { kind = "input", unit = "mol/s" }' in page and 'n = { kind = "state", unit = "mol" }' in page
     read = read_log(log, tmp_path / "setup" / "columns.toml", check_units=False)
     assert read["feed"].iloc[0] == pytest.approx(20.0) and read["n"].iloc[0] == 50.0
+
+
+def test_litres_and_what_stands_before_a_slash_belong_to_the_unit(tmp_path, capsys):
+    t = np.arange(0.0, 60.0, 0.1)
+    table = {"t [s]": t, "volume (L)": 2.0 + 0.01 * t, "feed [mL/s]": 10.0 + 0.0 * t, "sun W/m2": 500.0 + t}
+    pd.DataFrame(table).to_csv(tmp_path / "tank.csv", index=False)
+    said = ["--signal", "V=volume (L)", "--signal", "F=feed [mL/s]", "--signal", "sun=sun W/m2"]
+    equation = ["--equation", "dV/dt = F - k*sun*V", "--set", "k=0 m2/J"]
+    log, out = str(tmp_path / "tank.csv"), str(tmp_path / "setup")
+    assert main(["init", log, *equation, *said, "--yes", "--out", out]) == 0
+    rows = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["V", "0.002", "0.002599", "m^3"] in rows and ["sun", "500", "559.9", "W/m2"] in rows

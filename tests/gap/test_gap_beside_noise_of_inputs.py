@@ -29,7 +29,8 @@ def logged(friction: float, commanded: bool) -> pd.DataFrame:
     rng, runs, dt = np.random.default_rng(3), [], 1e-3
     t = dt * np.arange(4000)
     for run in range(4):
-        smooth = sum(np.sin(2 * np.pi * f * t + p) for f, p in zip(rng.uniform(0.3, 2, 4), rng.uniform(0, 6, 4)))
+        tones = zip(rng.uniform(0.3, 2, 4), rng.uniform(0, 6, 4), strict=True)
+        smooth = sum(np.sin(2 * np.pi * f * t + p) for f, p in tones)
         read = smooth + 0.03 * rng.standard_normal(len(t))
         m, n, q, w, rows = 0.0, 0.0, 0.0, 0.0, []
         for i in read if commanded else smooth:

@@ -193,30 +193,31 @@ class WindowNoise(ABC):
         return True
 
     def time_jumps(self) -> None:
-        """Count as noise that jumps of inputs come at unknown instants between two rows, where residuals show it.
+        """Count as noise that jumps of inputs come at unknown instants between two rows.
 
-        Only a simulator of whole runs says nothing of what it makes of inputs between rows; where rows were
-        interpolated, no simulator knows.
+        Where rows were interpolated, no simulator knows. Where they were read, only a simulator of whole runs says
+        nothing of what it makes of inputs between rows: then residuals have to show it.
         """
-        if self.simulator.form != "run" and (self.simulator.form != "ode" or not self.log.between):
+        if self.simulator.form not in ("run", "ode"):
             return
+        off, known = off_rows(self.simulator.inputs, self.log), self._unresolved
+        if np.any(off):
+            self._open_instants(np.zeros_like(off), off)
+        jump = jumps(self._u, self.log) if self.simulator.form == "run" else np.zeros_like(off)
         before = self.without_causes()
-        if not np.any(before.scales > 1.0 + EXCESS):
-            return
-        off, noise = off_rows(self.simulator.inputs, self.log), self.noise
-        known, best, told = self._unresolved, before.loglik + LEAST_GAIN, self._unresolved
-        for jump in (np.zeros_like(off), jumps(self._u, self.log))[: 2 if self.simulator.form == "run" else 1]:
-            if not np.any(jump) and not np.any(off):
-                continue
-            more = unknown_instants(jump, off, lambda change: self._under_inputs(self._u + change), REPLICATES)
-            self._leave_open(np.hypot(known, more))
+        if np.any(jump) and np.any(before.scales > 1.0 + EXCESS):
+            least, noise = self._unresolved, self.noise
+            self._open_instants(jump, np.zeros_like(off))
             louder = np.log(self.noise / noise)
             cost = sum(w * np.sum(louder[p]) for w, p in zip(self.weights, self.parts, strict=True))
-            if (gain := self.without_causes().loglik - cost) > best:
-                best, told = gain, self._unresolved
-        self._leave_open(told)
-        if told is not known:
+            if self.without_causes().loglik - cost <= before.loglik + LEAST_GAIN:
+                self._leave_open(least)
+        if self._unresolved is not known:
             self.notes.append(NOTE)
+
+    def _open_instants(self, jump: np.ndarray, off: np.ndarray) -> None:
+        more = unknown_instants(jump, off, lambda change: self._under_inputs(self._u + change), REPLICATES)
+        self._leave_open(np.hypot(self._unresolved, more))
 
     def _leave_open(self, unresolved: np.ndarray | float) -> None:
         """Count as noise what is not known of the motion between rows."""
