@@ -159,8 +159,8 @@ class Runner:
                 break
             chains, last = chains if far < _FRESH * last else None, far
         near[:] = z[::m, : near.shape[1]]
-        rows = max(int(np.argmax(off > _EXACT)) - 2, 0) // m if far > _EXACT else len(t) - 1
-        return (z[::m, :n][: rows + 1], list(np.split(z[rows * m, n:], ends[:-1])) if kept else []) if rows else None
+        good = max(int(np.argmax(off > _EXACT)) - 2, 0) // m if far > _EXACT else len(t) - 1
+        return (z[::m, :n][: good + 1], list(np.split(z[good * m, n:], ends[:-1])) if kept else []) if good else None
 
     def _remembered(
         self, acting: Acting, x: np.ndarray, u: np.ndarray, t: np.ndarray, paths: Sequence[str]
