@@ -27,7 +27,7 @@ def test_a_tiny_fault_leaves_the_noise_as_it_is_once_the_noise_of_inputs_is_hear
     evidence = evidence_of(heater_log(), heater, refit=True)
     tiny = {"sensor_gain@T": {"deviation": 1e-6}}
     np.testing.assert_allclose(evidence.spread(tiny, np.zeros(len(evidence.free))), 1.0, rtol=1e-3)
-    assert evidence._heard or evidence.hear_inputs()
+    assert evidence.hears_inputs or evidence.hear_inputs()
     np.testing.assert_allclose(evidence.spread(tiny, np.zeros(len(evidence.free))), 1.0, rtol=1e-3)
     evidence.widen({"T": 2.0})
     np.testing.assert_allclose(evidence.spread(tiny, np.zeros(len(evidence.free))), 1.0, rtol=1e-3)
