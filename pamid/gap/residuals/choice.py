@@ -6,7 +6,7 @@ import numpy as np
 
 from ...signals.ends import end_of
 from ...signals.noise import quantisation_step
-from ..settings import EXCESS, LEAST_GAIN
+from ..settings import LEAST_GAIN
 from .bends import MATTERS
 from .direct import DirectEvidence
 from .kinematic import both_measured
@@ -50,7 +50,7 @@ def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
     length = max(s.stop - s.first for s in found.stretches)
     while shorter.by_inputs > 1.0 and (length := length // 2) >= SHORTEST:
         shorter = ShootingEvidence(found.log, found.given, refit=found.refit, lines=found.lines, longest=length)
-        if not shorter.hears_inputs and np.any(shorter.without_causes().scales > 1.0 + EXCESS):
+        if shorter.beyond_inputs:
             shows.append(shorter)
     return min(shows, key=ShootingEvidence.base_loglik) if shows else found
 

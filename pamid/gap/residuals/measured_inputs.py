@@ -46,9 +46,10 @@ def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], 
     return chosen
 
 
-def exceeds(left: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> bool:
-    """Return whether residuals without what is slow are larger than the noise of readings."""
-    return bool(np.any(_sizes(left[None], parts) > _sizes(readings, parts)))
+def exceeds(left: np.ndarray, drawn: np.ndarray, parts: Sequence[slice], surely: bool = False) -> bool:
+    """Return whether residuals are larger than draws of noise, or surely so, however uncertain its size is."""
+    known = _uncertain(drawn, parts) if surely else 0.0
+    return bool(np.any(_sizes(left[None], parts) > _sizes(drawn, parts) * (1.0 + known)))
 
 
 def relative(drawn: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from ..inference.student_t import RobustFit
+from ..inference.student_t import RobustFit, solve
 from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
@@ -67,6 +67,8 @@ class WindowNoise(ABC):
     """Whether the noise of inputs counts."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
+    beyond_inputs = False
+    """Whether residuals are larger than both together."""
     _unresolved: np.ndarray | float = 0.0
     _whitening: Whitening
 
@@ -156,7 +158,9 @@ class WindowNoise(ABC):
             return z if self.simulates else without_slow(z, new, NEAR)
 
         def judged(r: np.ndarray) -> np.ndarray:
-            return quick(self._whitening.white(r / self.noise))
+            # A fit of parameters takes from noise that lasts what it can, as it did from the residuals.
+            z = self._whitening.white(r / self.noise)
+            return quick(solve(z, self.J, *self.ends, self.parts, self.weights).z if self.simulates else z)
 
         fitted = fitted or self.without_causes()
         left = quick(fitted.z)
@@ -176,7 +180,9 @@ class WindowNoise(ABC):
         ]
         alike = [np.array([judged(one) for one in each]) for each in draws]
         each = [x[np.arange(count) % different] for x in alike]
-        self.by_inputs = relative(np.sum(each, axis=0), readings, self.parts)
+        every = np.sum(each, axis=0)
+        self.by_inputs = relative(every, readings, self.parts)
+        self.beyond_inputs = exceeds(left, readings + every, self.parts, surely=True)
         which = shown(left, readings, each, self.parts)
         if not which:
             return False
