@@ -149,7 +149,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         ):
             return False  # it takes several runs, where there is something to explain
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
-        return solve(z1, self.J, *self.ends, self.parts, self.weights).loglik > self.base_loglik() + LEAST_GAIN
+        return self._fitted(z1).loglik > self.base_loglik() + LEAST_GAIN
 
     def base_loglik(self) -> float:
         """Return the likelihood of the log without any cause."""
@@ -157,7 +157,11 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
 
     def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
-        return solve(self.z0, self.J, *self.ends, self.parts, self.weights)
+        return self._fitted(self.z0)
+
+    def _fitted(self, z: np.ndarray) -> RobustFit:
+        """Return the fit of parameters and clocks to white residuals."""
+        return solve(z, self.J, *self.ends, self.parts, self.weights)
 
     @abstractmethod
     def _with_lines(self) -> np.ndarray:

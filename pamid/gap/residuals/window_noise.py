@@ -12,7 +12,7 @@ import numpy as np
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from ..inference.student_t import RobustFit, solve
+from ..inference.student_t import RobustFit
 from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
@@ -85,6 +85,10 @@ class WindowNoise(ABC):
     @abstractmethod
     def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
+
+    @abstractmethod
+    def _fitted(self, z: np.ndarray) -> RobustFit:
+        """Return the fit of parameters and clocks to white residuals."""
 
     @abstractmethod
     def _under_inputs(self, u: np.ndarray) -> np.ndarray:
@@ -160,7 +164,7 @@ class WindowNoise(ABC):
         def judged(r: np.ndarray) -> np.ndarray:
             # A fit of parameters takes from noise that lasts what it can, as it did from the residuals.
             z = self._whitening.white(r / self.noise)
-            return quick(solve(z, self.J, *self.ends, self.parts, self.weights).z if self.simulates else z)
+            return quick(self._fitted(z).z if self.simulates else z)
 
         fitted = fitted or self.without_causes()
         left = quick(fitted.z)
