@@ -294,6 +294,23 @@ def test_a_play_put_on_runs_as_the_drive_with_play() -> None:
     assert off[0] < 0.01 < 0.2 < off[1]
 
 
+def test_a_play_takes_away_what_the_coupling_transmits_as_it_was_fitted() -> None:
+    """Stiffness, damping and inertia differ from those given: the play is that of the changed drive."""
+    moved = {"k": 4.2, "c": 5e-3, "Jl": 2.9e-2}
+    changed = FunctionSimulator(
+        drive_rates, DRIVE_PORTS, {n: moved.get(n, q.value) for n, q in DRIVE.parameters.items()}
+    )
+    log = logged(
+        changed, driven(play=PLAY), [0.0] * 4, [two_sines(0.5, 0.6, 0.3, 2.3, 0.0)],
+        dict.fromkeys(("qm", "ql", "wm", "wl"), 0.0), 1e-3, 0.5, 0,
+    )  # fmt: skip
+    evidence = evidence_of(log, DRIVE.with_({}, [("backlash", "motor and load", {"half_width": PLAY})]))
+    t, u, across = log["time"].to_numpy(), log["torque"].to_numpy(), log["qm"] - BELT * log["ql"]
+    runner = Runner(DRIVE, 1e-3, evidence.joints, substeps=5)
+    x = runner.states(t[:, None], np.zeros((4, 1)), u[:, None, None], changed.numbers[:, None], evidence.active({}))
+    assert np.max(np.abs(across - (x[:, 0, 0] - BELT * x[:, 1, 0]))) < 0.01 * np.ptp(across)
+
+
 # --- pages and errors ---------------------------------------------------------------------------------------
 PAGE = """
 kind = "equations"
