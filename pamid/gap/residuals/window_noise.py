@@ -214,8 +214,7 @@ class WindowNoise(ABC):
         if np.any(off):
             self._open_instants(np.zeros_like(off), off)
         jump = jumps(self._u, self.log) if self.simulator.form == "run" else np.zeros_like(off)
-        before = self.without_causes()
-        if np.any(jump) and np.any(before.scales > 1.0 + EXCESS):
+        if np.any(jump) and np.any((before := self.without_causes()).scales > 1.0 + EXCESS):
             least, noise = self._unresolved, self.noise
             self._open_instants(jump, np.zeros_like(off))
             louder = np.log(self.noise / noise)
