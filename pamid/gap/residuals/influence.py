@@ -12,7 +12,7 @@ GONE = 1e-3
 """Share of an initial state's largest effect that is left once a simulator has forgotten it."""
 
 
-class _Alike(NamedTuple):
+class _OneLength(NamedTuple):
     """Stretches of as many columns."""
 
     stretches: np.ndarray
@@ -34,9 +34,9 @@ class Influence:
     def explained(self, error: np.ndarray) -> np.ndarray:
         """Return the initial states that explain most of an error, shape (n_states, n_stretches)."""
         found, error = np.zeros((len(self.slopes), self.n_stretches)), np.nan_to_num(error)
-        for alike in self._inverses:
-            own = np.moveaxis(error[:, alike.columns], 0, 1).reshape(len(alike.stretches), alike.inverse.shape[2])
-            found[:, alike.stretches] = np.matmul(alike.inverse, own[:, :, None])[:, :, 0].T
+        for group in self._inverses:
+            own = np.moveaxis(error[:, group.columns], 0, 1).reshape(len(group.stretches), group.inverse.shape[2])
+            found[:, group.stretches] = np.matmul(group.inverse, own[:, :, None])[:, :, 0].T
         return found
 
     def moved(self, shift: np.ndarray) -> np.ndarray:
@@ -44,7 +44,7 @@ class Influence:
         return np.asarray(np.einsum("kjn,kn->jn", self.slopes, shift[:, self.of]))
 
     @cached_property
-    def _inverses(self) -> list[_Alike]:
+    def _inverses(self) -> list[_OneLength]:
         counts, found = np.bincount(self.of, minlength=self.n_stretches), []
         firsts = np.cumsum(counts) - counts
         for count in np.unique(counts) if len(self.slopes) else ():
@@ -57,7 +57,7 @@ class Influence:
             size = np.where(size > 0.0, size, 1.0)
             # Of an unstable motion all states soon act alike: normal equations would lose what sets them apart.
             inverse = np.linalg.pinv(np.where(good[:, None, None], A / size, 0.0), rcond=1e-10).transpose(0, 2, 1)
-            found.append(_Alike(mine, columns, np.where(good[:, None, None], inverse / size, np.nan)))
+            found.append(_OneLength(mine, columns, np.where(good[:, None, None], inverse / size, np.nan)))
         return found
 
 

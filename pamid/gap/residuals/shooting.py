@@ -14,7 +14,7 @@ Proceedings Volumes 17(2), 1984. https://doi.org/10.1016/S1474-6670(17)61205-9
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -121,7 +121,7 @@ class ShootingEvidence(PredictedEvidence):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row."""
         base = self._drive([], self.simulator.numbers)
-        return self._compared([], [], *map(self._fold, self._held_and_in_lines(self._x0, base)))
+        return self._compared([], [], map(self._fold, self._held_and_in_lines(self._x0, base)))
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample, after removing what was predicted."""
@@ -182,7 +182,7 @@ class ShootingEvidence(PredictedEvidence):
         base = self._drive([], self.simulator.numbers)
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
-            column = self._compared([], [], *map(self._fold, self._stepped(self._x0, base))) / SMALL
+            column = self._compared([], [], map(self._fold, self._stepped(self._x0, base))) / SMALL
             if np.any(column):
                 self.skews[STEPS] = column
         self._allow()
@@ -191,14 +191,14 @@ class ShootingEvidence(PredictedEvidence):
         base, found = self._drive(active, self.simulator.numbers), {}
         for name, u in timings(active, self._u, self.simulator.inputs, self.log, not self.lines):
             near = self._near(self._x0, base, Drive(u, base.p, active, self.lines))
-            found[name] = self._compared(active, active, *map(self._fold, near))
+            found[name] = self._compared(active, active, map(self._fold, near))
         return found
 
     def _under_inputs(self, u: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under other inputs, to first order."""
         base = self._drive(self._own, self.simulator.numbers)
         near = self._near(self._x0, base, Drive(base.u + u - self._u, base.p, self._own, self.lines))
-        return self._compared(self._own, self._own, *map(self._fold, near))
+        return self._compared(self._own, self._own, map(self._fold, near))
 
     def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
         on, inputs = super()._passes_on(active)
@@ -294,12 +294,13 @@ class ShootingEvidence(PredictedEvidence):
         """Return the change of the residuals under effects and numbers near others, whose run is known."""
         begun = self._from.get(named(about, known), Begun(self._x0, self._O))
         near = self._near(begun.x0, self._drive(about, known), self._drive(active, numbers))
-        return self._compared(about, active, *near, begun.influence)
+        return self._compared(about, active, near, begun.influence)
 
     def _compared(
-        self, about: Active, active: Active, base: np.ndarray, there: np.ndarray, influence: Influence | None = None
+        self, about: Active, active: Active, predictions: Iterable[np.ndarray], influence: Influence | None = None
     ) -> np.ndarray:
-        """Return the change of the residuals between predictions, less what initial states explain."""
+        """Return the change of the residuals from predictions to others, less what initial states explain."""
+        base, there = predictions
         left, influence = -self._means_of_change(about, active, base, there), influence or self._O
         return self._without(left, self._explained(left, influence), influence)
 

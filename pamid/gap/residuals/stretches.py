@@ -282,7 +282,11 @@ class StretchEvidence(PortEvidence):
         """Return the best initial states near given ones, and the error, over a first share of each stretch."""
         within = [np.arange(s.first, s.first + max(round(share * (s.stop - s.first)), 1)) for s in self.stretches]
         rows = np.concatenate(within)
-        of, power = self._of[rows], lambda e: np.bincount(self._of[rows], np.sum(np.square(e), axis=0))
+        of = self._of[rows]
+
+        def power(left: np.ndarray) -> np.ndarray:
+            return np.bincount(of, np.sum(np.square(left), axis=0))
+
         error = self._error(x0)[:, rows]
         for _ in range(ROUNDS if len(x0) else 0):
             shift = Influence(self._slopes(x0)[..., rows], of, len(self.stretches)).explained(error)
