@@ -6,6 +6,7 @@ import pytest
 
 from pamid.equations.noise import channel_noise
 from pamid.gap.residuals.coarse import between_steps, error_in_steps
+from pamid.gap.residuals.influence import Influence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
 
@@ -64,7 +65,6 @@ def test_the_signal_behind_steps_is_within_half_of_one():
 
 def test_initial_states_of_an_unstable_motion_are_distinguished():
     evidence = evidence_of(balanced(), ROD, simulated=True)
-    k = len(evidence.stretches) // 2
-    slope, true = evidence._slopes(evidence._x0)[k], np.array([1e-4, -2e-3])
-    [found] = evidence._shift([slope], [np.tensordot(true, slope, axes=1)]).T
-    assert np.allclose(found, true, rtol=1e-6)
+    true = np.outer([1e-4, -2e-3], 1.0 + np.arange(len(evidence.stretches)))
+    influence = Influence(evidence._slopes(evidence._x0), evidence._of, len(evidence.stretches))
+    assert np.allclose(influence.explained(influence.moved(true)), true, rtol=1e-6)

@@ -54,6 +54,7 @@ def test_a_gap_is_seen_though_noise_of_the_input_would_explain_whole_runs():
 def test_noise_of_an_input_counts_where_there_is_no_gap_beside_it():
     evidence = evidence_of(logged(0.0, commanded=False), DRIVE, refit=True)
     assert evidence.hears_inputs and max(evidence.without_causes().scales) < 1.1
+    assert evidence.by_inputs < 1.0  # over longer stretches the noise lasts as an effect does
 
 
 def test_its_cause_is_named():

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.residuals.measured_inputs import shown
+from pamid.gap.residuals.measured_inputs import quieter, shown
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
 
@@ -71,3 +71,12 @@ def test_noise_that_residuals_show_less_of_is_not_that_of_their_inputs():
     for sizes, expected in {(1.6, 9.3): [], (1.0, 23.0): [1], (28.0, 23.0): [0, 1]}.items():
         left = np.repeat(sizes, 500) * rng.standard_normal(1000)
         assert shown(left, white, inputs, parts) == expected
+
+
+def test_residuals_too_small_for_the_noise_of_inputs_show_that_they_are_exact():
+    parts, rng = [slice(0, 500)], np.random.default_rng(0)
+    white = rng.standard_normal((6, 500))
+    both = white + 20.0 * rng.standard_normal((6, 500))
+    for size, expected in {1.0: True, 5.0: True, 20.0: False, 80.0: False}.items():
+        assert quieter(size * rng.standard_normal(500), white, both, parts) is expected
+    assert not quieter(0.5 * rng.standard_normal(500), white, white, parts)  # where inputs add nothing

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 from pamid.gap import diagnose_simulator
 from pamid.gap.inference.gauss_newton import Fitter
 from pamid.gap.residuals.shooting import ShootingEvidence
+from pamid.gap.residuals.stretches import Segment
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
@@ -144,9 +145,9 @@ def test_a_run_that_is_begun_wrongly_is_fitted_over_growing_parts() -> None:
     wrong = found._x0.copy()
     wrong[:, -1] += 0.3, 3.0
     nearby, error = found._fitted_from(wrong)
-    assert np.sqrt(np.mean(np.square(error[-1]))) > 4.0
+    assert np.sqrt(np.mean(np.square(error[:, found.stretches[-1].first :]))) > 4.0
     again = found._error(found._unless_apart(nearby, error))
-    assert max(np.sqrt(np.mean(np.square(e))) for e in again) < 1.5
+    assert all(np.sqrt(np.mean(np.square(again[:, s.first : s.stop]))) < 1.5 for s in found.stretches)
 
 
 def test_stretches_that_are_followed_are_taken_even_where_they_are_little_better(monkeypatch):
@@ -194,3 +195,17 @@ def test_runs_of_an_unstable_system_stay_whole_where_its_response_is_linear() ->
     log = pd.DataFrame({"trajectory": "0", "time": t, "T": 0.0 * t, "q": q, "w": 2.0 * q})
     log[["q", "w"]] += 0.1 * rng.standard_normal((200, 2))
     assert len(ShootingEvidence(port_log(log, unstable), unstable).stretches) == 1
+
+
+def test_a_sensor_begins_anew_with_each_stretch_however_long_the_others_are() -> None:
+    evidence = ShootingEvidence(
+        port_log(spring_log(400.0, 2.0, 2, False, 300), simulator := spring(400.0, 2.0)), simulator
+    )
+    evidence.stretches = [Segment(0, 40), Segment(40, 300), Segment(300, 600)]
+    active = evidence.active({"sensor_lag@x": {"time_constant": 0.05, "second": 0.0}})
+    rows = np.random.default_rng(0).standard_normal((1, 600))
+    whole = evidence._read(active, rows.copy(), ["x"])
+    [(place, made)] = active
+    for s in evidence.stretches:
+        alone = place.reading(made, rows[0, s.first : s.stop], evidence.log.dt, np.array([0]))
+        assert np.allclose(whole[0, s.first : s.stop], alone)

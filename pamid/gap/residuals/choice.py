@@ -38,21 +38,21 @@ AHEAD = 16
 
 
 def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
-    """Return predictions over stretches so short that a gap is not taken for the noise of inputs.
+    """Return predictions over stretches so short that the noise of inputs counts no more than that of readings.
 
-    In predictions that noise adds up, the longer the more, until it has the size of what an effect leaves. Where it
-    does not explain shorter ones, down to those in which it is no more than the noise of readings, there is a gap: the
-    stretches with most to explain show it best. Otherwise the noise counts.
+    In predictions that noise adds up, the longer the more, until it has the size of what an effect leaves, and lasts as
+    long. A gap that is larger, but too small for stretches as short, is asked for over the shortest that show it.
+    Inputs that look noisy may be exact, too, as a controller's are: then residuals are smaller than that noise.
     """
-    shorter, simulator, shows = found, found.simulator, list[ShootingEvidence]()
-    if not found.hears_inputs or simulator.form != "ode" or simulator.one_by_one:  # which would take too long
+    shorter, simulator = found, found.simulator
+    shows = found if found.beyond_inputs else None
+    if simulator.form != "ode" or simulator.one_by_one:  # which would take too long
         return found
     length = max(s.stop - s.first for s in found.stretches)
-    while shorter.by_inputs > 1.0 and (length := length // 2) >= SHORTEST:
+    while shorter.by_inputs > 1.0 and not shorter.exact_inputs and (length := length // 2) >= SHORTEST:
         shorter = ShootingEvidence(found.log, found.given, refit=found.refit, lines=found.lines, longest=length)
-        if shorter.beyond_inputs:
-            shows.append(shorter)
-    return min(shows, key=ShootingEvidence.base_loglik) if shows else found
+        shows = shorter if shorter.beyond_inputs else shows
+    return found if shorter.exact_inputs else shows or shorter
 
 
 def sensor_ends(found: DirectEvidence) -> bool:

@@ -39,9 +39,10 @@ def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], 
     for some in ([*range(len(inputs))], *([k] for k in range(len(inputs)) if len(inputs) > 1)):
         drawn = readings + np.sum([inputs[k] for k in some], axis=0)
         both, known = _sizes(drawn, parts), _uncertain(drawn, parts)
-        less = (both > alone * (1.0 + known)) & (both > size * (1.0 + known))
-        more = size > both * (1.0 + known)
-        if not np.any(less | more) and (value := _unlikely(size, both, parts)) < best:
+        more = bool(np.any(size > both * (1.0 + known)))
+        if more or quieter(left, readings, drawn, parts):
+            continue
+        if (value := _unlikely(size, both, parts)) < best:
             best, chosen = value, some
     return chosen
 
@@ -50,6 +51,12 @@ def exceeds(left: np.ndarray, drawn: np.ndarray, parts: Sequence[slice], surely:
     """Return whether residuals are larger than draws of noise, or surely so, however uncertain its size is."""
     known = _uncertain(drawn, parts) if surely else 0.0
     return bool(np.any(_sizes(left[None], parts) > _sizes(drawn, parts) * (1.0 + known)))
+
+
+def quieter(left: np.ndarray, readings: np.ndarray, both: np.ndarray, parts: Sequence[slice]) -> bool:
+    """Return whether residuals are too small for the noise of readings and inputs, where these add to it."""
+    surely = _sizes(both, parts) / (1.0 + _uncertain(both, parts))
+    return bool(np.any((surely > _sizes(readings, parts)) & (surely > _sizes(left[None], parts))))
 
 
 def relative(drawn: np.ndarray, readings: np.ndarray, parts: Sequence[slice]) -> float:

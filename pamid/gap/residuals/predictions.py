@@ -19,7 +19,7 @@ from .between_rows import drawn, passed_on
 from .protocol import Active
 from .response import Drive, Response
 from .states import integral
-from .stretches import FOLLOWS, StretchEvidence
+from .stretches import FOLLOWS, Segment, StretchEvidence
 
 _PARTS = 10  # of a step, where a run goes with inputs in lines: the fastest states miss a twentieth of a step
 MOST_RUNS = 200
@@ -47,13 +47,13 @@ class PredictedEvidence(StretchEvidence):
         self._has_run = False
         self._failed: tuple[int, list[str], int] | None = None
         self.simulated = 0.0
-        self._kept_runs: dict[int, list[np.ndarray]] = {}
-        self._straight: list[np.ndarray] = []
-        self._kept_states: Remembered[tuple[list[np.ndarray], list[np.ndarray]]] = Remembered(MOST_STATES)
+        self._kept_runs: dict[int, np.ndarray] = {}
+        self._straight: tuple[list[Segment], np.ndarray] = [], np.zeros((0, 0))
+        self._kept_states: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(MOST_STATES)
         self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
         self._along: dict[tuple[str, ...], np.ndarray] = {}
         """The latest states along the log, by the kind of change."""
-        self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
+        self._done: dict[bytes, list[tuple[list[np.ndarray], np.ndarray]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
         """Return all deviations: initial states are fitted to each again."""
@@ -61,16 +61,20 @@ class PredictedEvidence(StretchEvidence):
 
     def _predict(
         self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
-    ) -> list[np.ndarray]:
-        """Return the predicted channels, shape (n_shown, length) per stretch."""
+    ) -> np.ndarray:
+        """Return the predicted channels, shape (n_shown, n)."""
         shown = self.shown if shown is None else shown
         drive = self._drive(active, numbers)
         if self.simulator.form == "run":
-            outputs = self._ran(x0, drive.u, drive.p)
-            states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
+            states, outputs = self._none, self._ran(x0, drive.u, drive.p)
         else:
             states, outputs = self._simulate(x0, drive.u, drive.p, drive.acting)
         return self._read(active, self._shown(states, outputs, shown), shown)
+
+    @property
+    def _none(self) -> np.ndarray:
+        """No state along the log."""
+        return np.zeros((0, self.log.n))
 
     def _drive(self, active: Active, numbers: np.ndarray) -> Drive:
         """Return the inputs and parameters under effects, with effects that act like forces."""
@@ -86,33 +90,25 @@ class PredictedEvidence(StretchEvidence):
                 place.push(made, self._force(place, made), simulator, (log.t, none, u, p), u, none)
         return Drive(u, p, active, self.lines)
 
-    def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
+    def _read(self, active: Active, rows: np.ndarray, shown: Sequence[str]) -> np.ndarray:
         """Return channels as faulty sensors read them, in place."""
-        ends = np.cumsum([one.shape[1] for one in rows])
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                read = place.reading(made, np.concatenate([one[k] for one in rows]), self.log.dt, ends - ends[0])
-                for one, found in zip(rows, np.split(read, ends[:-1]), strict=True):
-                    one[k] = found
+                rows[k] = place.reading(made, rows[k], self.log.dt, self._firsts)
         return rows
 
-    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """Return the predicted channels for several initial states and numbers, (n_shown, length) per stretch."""
+    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the predicted channels for several initial states and numbers, shape (n_copies, n_shown, n)."""
         if self.simulator.form != "ode":
-            return [self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)]
-        many = len(starts)
+            return np.stack([self._predict(x, [], p) for x, p in zip(starts, numbers, strict=True)])
         wide = [np.repeat(p[:, None], self.log.n, axis=1) for p in numbers]
-        states, outputs = self._simulate(np.hstack(starts), self._u, np.stack(wide), [], many)
-        rows = self._shown(states, outputs, self.shown)
-        return [rows[k * len(self.stretches) : (k + 1) * len(self.stretches)] for k in range(many)]
+        found = self._simulate_many(np.hstack(starts), self._u, np.stack(wide), [])
+        return np.stack([self._shown(x, y, self.shown) for x, y in zip(*found, strict=True)])
 
-    def _shown(self, states: list[np.ndarray], outputs: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
+    def _shown(self, states: np.ndarray, outputs: np.ndarray, shown: Sequence[str]) -> np.ndarray:
         """Return the requested channels of a simulation."""
-        names, found = (*self.simulator.outputs, *self.simulator.states), []
-        for x, y in zip(states, outputs, strict=True):
-            signals = dict(zip(names, (*y, *x), strict=False))
-            found.append(np.stack([np.asarray(signals[n], dtype=float) for n in shown]))
-        return found
+        signals = dict(zip((*self.simulator.outputs, *self.simulator.states), (*outputs, *states), strict=False))
+        return np.stack([np.asarray(signals[n], dtype=float) for n in shown])
 
     def _force(self, place: Placement, made: Effect) -> np.ndarray:
         """Return what an effect adds to an input along the log."""
@@ -128,8 +124,8 @@ class PredictedEvidence(StretchEvidence):
         memory = made.trace(s, place.plant, log.dt * place.scales.time, log.starts)
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
 
-    def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, lines: bool | None = None) -> list[np.ndarray]:
-        """Return the outputs of the simulator over each stretch; earlier runs are cached.
+    def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, lines: bool | None = None) -> np.ndarray:
+        """Return the outputs of the simulator over all stretches; earlier runs are cached.
 
         What inputs in lines change is that of the first such runs, whatever an effect adds: a run of many parts of each
         step takes as many times longer.
@@ -142,16 +138,14 @@ class PredictedEvidence(StretchEvidence):
         found = self._kept_runs[key]
         if not (self.lines if lines is None else lines):
             return found
-        if [d.shape[1] for d in self._straight] != [y.shape[1] for y in found]:
-            parts = self._run_stretches(x0, u, p, _PARTS)
-            self._straight = [y - held for y, held in zip(parts, found, strict=True)]
-        return [y + d for y, d in zip(found, self._straight, strict=True)]
+        if self._straight[0] != self.stretches:
+            self._straight = self.stretches, self._run_stretches(x0, u, p, _PARTS) - found
+        return found + self._straight[1]
 
-    def _run_stretches(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, parts: int) -> list[np.ndarray]:
-        """Return the outputs over each stretch, inputs held over each of as many parts of a step."""
-        t = self.log.t
+    def _run_stretches(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, parts: int) -> np.ndarray:
+        """Return the outputs over all stretches, inputs held over each of as many parts of a step."""
+        t, found = self.log.t, np.zeros((len(self.simulator.outputs), self.log.n))
         lengths = np.array([s.stop - s.first for s in self.stretches])
-        found: dict[int, np.ndarray] = {}
         for length in np.unique(lengths):  # runs of one length are simulated together
             mine = np.flatnonzero(lengths == length)
             spans = [slice(self.stretches[k].first, self.stretches[k].stop) for k in mine]
@@ -159,10 +153,10 @@ class PredictedEvidence(StretchEvidence):
             starts = x0.T[mine] if len(x0) else np.zeros((len(mine), 0))
             times = t[spans[0]] - t[spans[0]][0]
             times, drive = _in_parts(times, drive, parts) if parts > 1 else (times, drive)
-            ran = self._asked_for(times, drive, numbers, starts)
-            found |= {int(k): y[:, ::parts] for k, y in zip(mine, ran, strict=True)}
-        self.simulated += parts * float(np.sum(lengths)) / self.log.n
-        return [found[k] for k in range(len(lengths))]
+            for span, y in zip(spans, self._asked_for(times, drive, numbers, starts), strict=True):
+                found[:, span] = y[:, ::parts]
+        self.simulated += parts
+        return found
 
     def _asked_for(
         self, times: np.ndarray, drive: np.ndarray, numbers: np.ndarray, starts: np.ndarray
@@ -203,15 +197,16 @@ class PredictedEvidence(StretchEvidence):
         for x0 in (self._x0,) if follows else (self._x0, self._starts()):
             p = np.repeat(simulator.numbers[:, None], self.log.n, axis=1)
             states, outputs = self._simulate(x0, self._u, p, [])
-            if max(float(np.max(np.abs(x))) for x in states) >= MOST:
-                self._simulated(x0, self._u, p, [], 1)  # one that is kept does not say where it failed
+            if float(np.max(np.abs(states))) >= MOST:
+                self._simulated(x0, self._u, p[None], [])  # one that is kept does not say where it failed
                 if self._failed is not None:
                     row, failed, k = self._failed
                     self._refuse_run(", ".join(failed), "not finite", k, row + 1)
-            for k, rows in enumerate(outputs):
-                if len(bad := np.argwhere(~np.isfinite(rows))):
-                    output, at = bad[0]
-                    self._refuse_run(simulator.outputs[output], f"{rows[output, at]:g}", k, int(at))
+            if len(bad := np.argwhere(~np.isfinite(outputs.T))):
+                at, output = bad[0]
+                k = int(self._of[at])
+                row = int(at) - self.stretches[k].first
+                self._refuse_run(simulator.outputs[output], f"{outputs[output, at]:g}", k, row)
 
     def _refuse_run(self, what: str, value: str, stretch: int, row: int) -> None:
         first = self.stretches[stretch].first
@@ -224,20 +219,25 @@ class PredictedEvidence(StretchEvidence):
         )
 
     def _simulate(
-        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int = 1
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return states and outputs of each stretch; of several copies at once, each with parameters of its own."""
-        key = hash((x0.tobytes(), u.tobytes(), named(acting, p), self.lines, self.substeps))
-        return self._kept_states.get(key, lambda: self._simulated(x0, u, p, acting, many))
+        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return states and outputs along all stretches."""
+        states, outputs = self._simulate_many(x0, u, p[None], acting)
+        return states[0], outputs[0]
+
+    def _simulate_many(
+        self, x0: np.ndarray, u: np.ndarray, copies: np.ndarray, acting: Active
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        """Return the same for several copies of the stretches at once, each with initial states and parameters."""
+        key = hash((x0.tobytes(), u.tobytes(), named(acting, copies), self.lines, self.substeps))
+        return self._kept_states.get(key, lambda: self._simulated(x0, u, copies, acting))
 
     def _simulated(
-        self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active, many: int
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        simulator, log, given = self.simulator, self.log, u
+        self, x0: np.ndarray, u: np.ndarray, copies: np.ndarray, acting: Active
+    ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+        simulator, log, given, many = self.simulator, self.log, u, len(copies)
         u = drawn(u, log.starts, self.substeps) if self.lines else u
-        length = max(s.stop - s.first for s in self.stretches)
-        rows = side_by_side(self.stretches, length)
-        copies = [p] if p.ndim == 2 else list(p)
+        rows = side_by_side(self.stretches, max(s.stop - s.first for s in self.stretches))
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
         runner = Runner(simulator, log.dt, self.joints, self.substeps, self.lines)
@@ -247,39 +247,32 @@ class PredictedEvidence(StretchEvidence):
         x = runner.states(t, x0, drive, numbers, acting, near=near)[:, : len(simulator.states)]
         self._failed = runner.failed
         self.simulated += many
-        stretches = self.stretches * many
-        states = [x[: s.stop - s.first, :, k].T for k, s in enumerate(stretches)]
+        of = self._of
+        step = np.arange(log.n) - self._firsts[of]
+        states = x.reshape(*x.shape[:2], many, len(self.stretches))[step, :, :, of].transpose(2, 1, 0)
         if many == 1 and np.abs(x).max(initial=0.0) < MOST:
-            along = self._along[kind] = np.zeros((len(simulator.states), log.n))
-            for stretch, own in zip(stretches, states, strict=True):
-                along[:, stretch.first : stretch.stop] = own
-        return states, self._outputs_along(states, given, copies)
+            self._along[kind] = states[0]
+        return states, np.stack([self._outputs_along(own, given, p) for own, p in zip(states, copies, strict=True)])
 
-    def _outputs_along(self, states: list[np.ndarray], u: np.ndarray, copies: Sequence[np.ndarray]) -> list[np.ndarray]:
-        """Return the outputs along the states of each stretch, for each of several sets of parameters in turn."""
+    def _outputs_along(self, states: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the outputs along states."""
         if not self.simulator.outputs:
-            return [np.zeros((0, x.shape[1])) for x in states]
-        found = []
-        for k, x in enumerate(states):
-            copy, place = divmod(k, len(self.stretches))
-            at = slice(self.stretches[place].first, self.stretches[place].stop)
-            with np.errstate(all="ignore"):
-                found.append(self.simulator.output(self.log.t[at], x, u[:, at], copies[copy][:, at]))
-        return found
+            return self._none
+        with np.errstate(all="ignore"):
+            return np.asarray(self.simulator.output(self.log.t, states, u, p))
 
-    def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         """Return the channels under a drive, or to first order under one near it."""
         if self.simulator.form == "run":
             known, straight = self._ran(x0, base.u, base.p), drive.lines and not base.lines
             near = self._ran(x0, drive.u, drive.p, True) if straight else self._combined(x0, base, drive)
-            none = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
-            return self._shown(none, known, self.shown), self._shown(none, near, self.shown)
+            return self._shown(self._none, known, self.shown), self._shown(self._none, near, self.shown)
         if drive.alike(base):  # nothing responds to what changes readings alone
             states, outputs = self._simulate(x0, base.u, base.p, base.acting)
             return self._shown(states, outputs, self.shown), self._shown(states, outputs, self.shown)
         return self._responded(x0, base, drive, lambda response: response.to(drive))
 
-    def _held_and_in_lines(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _held_and_in_lines(self, x0: np.ndarray, base: Drive) -> tuple[np.ndarray, np.ndarray]:
         """Return the channels under held inputs, and under the same in lines: a run each, since they may be far apart.
 
         Over a run a simulator that integrates its inputs adds up the difference.
@@ -296,30 +289,25 @@ class PredictedEvidence(StretchEvidence):
             self._along.update(along)
         return self._shown(*held, self.shown), self._shown(*straight, self.shown)
 
-    def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[np.ndarray, np.ndarray]:
         """Return the channels under a drive, exactly and with steps of Euler's method."""
         return self._responded(x0, base, base, lambda response: response.of_steps())
 
     def _responded(
         self, x0: np.ndarray, base: Drive, drive: Drive, change_of: Callable[[Response], np.ndarray]
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    ) -> tuple[np.ndarray, np.ndarray]:
         states, outputs = self._simulate(x0, base.u, base.p, base.acting)
         response = self._response(x0, base, states)
         before = response.evaluations
         change = change_of(response)
         self.simulated += (response.evaluations - before) / (4.0 * self.substeps)
-        return self._shown(states, outputs, self.shown), self._shown(
-            *self._moved_states(states, change, drive), self.shown
-        )
+        return self._shown(states, outputs, self.shown), self._shown_near(states + change, drive)
 
-    def _moved_states(
-        self, states: list[np.ndarray], change: np.ndarray, drive: Drive
-    ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Return the states of each stretch with a change, and the outputs that belong to them."""
-        near = [x + change[:, s.first : s.stop] for x, s in zip(states, self.stretches, strict=True)]
-        return near, self._outputs_along(near, drive.u, [drive.p])
+    def _shown_near(self, states: np.ndarray, drive: Drive) -> np.ndarray:
+        """Return the channels along changed states."""
+        return self._shown(states, self._outputs_along(states, drive.u, drive.p), self.shown)
 
-    def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> list[np.ndarray]:
+    def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> np.ndarray:
         """Return the outputs under a drive near another: responses are superposed, only new ones simulated.
 
         Responses are linear to first order, so that a change that is a sum of others, such as a lag between two whose
@@ -341,33 +329,30 @@ class PredictedEvidence(StretchEvidence):
             return known
         if _far(drive.p[:, 0], base.p[:, 0]):
             return self._ran(x0, drive.u, drive.p)
-        found: list[np.ndarray] = []
-        for k, change in enumerate(changes):
-            if not (done and np.any(change)):
-                found.append(known[k])
-                if np.any(change):
-                    break
+        found = known.copy()
+        for k, (s, change) in enumerate(zip(self.stretches, changes, strict=True)):
+            if not np.any(change):
                 continue
-            columns = np.stack([w[k] for w, _ in done], axis=1)
+            if not done:
+                break
+            columns, at = np.stack([w[k] for w, _ in done], axis=1), slice(s.first, s.stop)
             share = np.linalg.lstsq(columns, change, rcond=1e-6)[0]
             wanted = max(float(np.linalg.norm(change)), 0.1 * most)
             # Known responses that nearly cancel would leave more of their errors than there is to know.
             cancelled = ALREADY * float(np.abs(share) @ np.linalg.norm(columns, axis=0)) > wanted
             if cancelled or np.linalg.norm(change - columns @ share) > ALREADY * wanted:
                 break
-            found.append(known[k] + np.tensordot(share, np.stack([y[k] for _, y in done]), axes=1))
+            found[:, at] += np.tensordot(share, np.stack([y[:, at] for _, y in done]), axes=1)
         else:
             return found
         rows = self._ran(x0, drive.u, drive.p)
-        responses = [(a - b) / most for a, b in zip(rows, known, strict=True)]
-        if all(np.all(np.isfinite(one)) for one in responses):  # no other can be superposed of one that failed
-            done.append(([c / most for c in changes], responses))
+        response = (rows - known) / most
+        if np.all(np.isfinite(response)):  # no other can be superposed of one that failed
+            done.append(([c / most for c in changes], response))
         return rows
 
-    def _slopes(
-        self, x0: np.ndarray, numbers: np.ndarray | None = None, active: Active | None = None
-    ) -> list[np.ndarray]:
-        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, length)."""
+    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None, active: Active | None = None) -> np.ndarray:
+        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, n)."""
         if self.simulator.form != "ode" or not len(x0):
             return super()._slopes(x0, numbers)
         base = self._drive(active or [], self.simulator.numbers if numbers is None else numbers)
@@ -376,32 +361,25 @@ class PredictedEvidence(StretchEvidence):
         found = []
         for k, row in enumerate(x0):
             h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
-            there = self._fold(self._shown(*self._moved_states(states, h * response.of_start(k), base), self.shown))
-            found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
-        return self._in_noise(found)
+            found.append((self._fold(self._shown_near(states + h * response.of_start(k), base)) - before) / h)
+        return np.stack(found) / self._scale
 
-    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, length)."""
+    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, n)."""
         if self.simulator.form != "ode":
             return super()._slopes_of_numbers(x0, d)
         base, found = self._drive([], self._numbers_at(d)), []
         for e in 0.01 * np.eye(len(d)):
             before, there = map(self._fold, self._near(x0, base, self._drive([], self._numbers_at(d + e))))
-            found.append([(a - b) / 0.01 for a, b in zip(there, before, strict=True)])
-        return self._in_noise(found)
+            found.append((there - before) / 0.01)
+        return np.stack(found) / self._scale
 
-    def _in_noise(self, found: list[list[np.ndarray]]) -> list[np.ndarray]:
-        """Return changes of the channels of every stretch, concatenated, in units of the noise."""
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
-        return [np.stack([f[j] for f in found]) / sigma for j in range(len(self.stretches))]
-
-    def _response(self, x0: np.ndarray, drive: Drive, states: list[np.ndarray]) -> Response:
+    def _response(self, x0: np.ndarray, drive: Drive, states: np.ndarray) -> Response:
         """Return the response of runs to small changes; cached for the latest ones."""
         key = hash((x0.tobytes(), drive.u.tobytes(), named(drive.acting, drive.p), drive.lines))
 
         def made() -> Response:
-            firsts = np.array([s.first for s in self.stretches])
-            found = Response(self.simulator, self.log, firsts, np.concatenate(states, axis=1), drive, self.joints)
+            found = Response(self.simulator, self.log, self._firsts, states, drive, self.joints)
             self.simulated += found.evaluations / (4.0 * self.substeps)
             return found
 

@@ -14,7 +14,7 @@ Proceedings Volumes 17(2), 1984. https://doi.org/10.1016/S1474-6670(17)61205-9
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from typing import NamedTuple
@@ -31,13 +31,14 @@ from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
 from .between_rows import STEPS, needed, timings
+from .influence import Influence
 from .port_windows import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
-from .stretches import ROUNDS, SHORTEST, StretchEvidence, power
-from .tolerances import SMALL, typical
+from .stretches import ROUNDS, SHORTEST, StretchEvidence
+from .tolerances import SMALL, rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
 UNSURE = 4.0
@@ -48,8 +49,8 @@ class Begun(NamedTuple):
     """Initial states under a change."""
 
     x0: np.ndarray
-    influence: list[np.ndarray]
-    """How they act on the windows of each stretch there."""
+    influence: Influence
+    """How they act on the windows there."""
 
 
 class ShootingEvidence(PredictedEvidence):
@@ -102,13 +103,13 @@ class ShootingEvidence(PredictedEvidence):
 
     def _fastest(self) -> int:
         """Return the longest window that averages no motion away: what is fast only in a reading may be noise."""
-        plain = np.concatenate(self._predict(self._x0, [], self.simulator.numbers), axis=1)
+        plain = self._predict(self._x0, [], self.simulator.numbers)
         pairs = [(self.log.channels[n], drive) for n, drive in zip(self.shown, plain, strict=True)]
         return min(max(longest_window(x, self.log) for x in pair) for pair in pairs)
 
     def _look_at_noise(self) -> None:
         """Remove predicted motion that is fast for the sampling from the differences of neighbouring samples."""
-        plain = np.concatenate(self._fold(self._predict(self._x0, [], self.simulator.numbers)), axis=1)
+        plain = self._fold(self._predict(self._x0, [], self.simulator.numbers))
         for name, drive in zip(self.shown, plain, strict=True):
             x, least = self.log.channels[name], self.sigma[name]
             found = [noise_beside(x[a:b], drive[a:b], channel_noise(x[a:b], 10)).white for a, b in self.log.spans]
@@ -120,7 +121,7 @@ class ShootingEvidence(PredictedEvidence):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row."""
         base = self._drive([], self.simulator.numbers)
-        return self._compared([], [], *map(self._fold, self._held_and_in_lines(self._x0, base)))
+        return self._compared([], [], map(self._fold, self._held_and_in_lines(self._x0, base)))
 
     def channel_noise(self, name: str, width: int = 10) -> float:
         """Return the standard deviation of a channel's noise per sample, after removing what was predicted."""
@@ -139,9 +140,7 @@ class ShootingEvidence(PredictedEvidence):
         needed = {name: EXCESS * sigma / np.sqrt(self.n) for name, sigma in self.sigma.items()}
         self.substeps = self._enough(self._x0, 400, needed, share=1e-3)
         self._x0 = self._fitted_from(self._x0)[0] if self.substeps > 1 else self._x0
-        states, _ = self._simulate(self._x0, self._u, p, [])
-        for stretch, x in zip(self.stretches, states, strict=True):
-            self._states[:, stretch.first : stretch.stop] = x
+        self._states, _ = self._simulate(self._x0, self._u, p, [])
         at = some_instants(log.n)
         x, u = self._states[:, at], self._u[:, at]
         pairs = kinematic_pairs(simulator, log.t[at], x, u)
@@ -160,29 +159,30 @@ class ShootingEvidence(PredictedEvidence):
 
     # --- residuals ------------------------------------------------------------------------------------------
     def _blocks(self) -> None:
-        self._first = [np.arange(s.first, s.stop - self.n + 1, self.n) for s in self.stretches]
         read = np.concatenate([[0], np.cumsum(~self.log.lost)])
-        self._first = [f[2 * (read[f + self.n] - read[f]) >= self.n] for f in self._first]
-        rows = np.concatenate(self._first)
+        firsts = [np.arange(s.first, s.stop - self.n + 1, self.n) for s in self.stretches]
+        firsts = [f[2 * (read[f + self.n] - read[f]) >= self.n] for f in firsts]
+        rows = np.concatenate(firsts)
         if not len(rows):
             raise no_windows(self.log, self.n)
+        self._window_of = np.repeat(np.arange(len(firsts)), [len(f) for f in firsts])
+        self._rows = rows[:, None] + np.arange(self.n)
+        kept = (~self.log.lost[self._rows]).astype(float)
+        self._share = kept / np.sum(kept, axis=1, keepdims=True)
         self.windows = [
-            PortWindows(
-                n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n], rows)
-            )
+            PortWindows(n, self.simulator.port(n).unit, rows, rows + self.n // 2, self._means(self.log.channels[n]))
             for n in self.shown
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
-        self._usual = float(sum(self._squares(self._left(self.log.channels, self._plain))))
-        slopes = self._slopes(self._x0) if len(self._x0) else [np.zeros((0, *p.shape)) for p in self._plain]
-        self._O = self._influence(slopes)
+        self._usual = float(np.sum(self._squares(self._left(self.log.channels, self._plain))))
+        self._O = self._influence(self._slopes(self._x0))
 
     def _skew(self) -> None:
         """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
         base = self._drive([], self.simulator.numbers)
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
-            column = self._compared([], [], *map(self._fold, self._stepped(self._x0, base))) / SMALL
+            column = self._compared([], [], map(self._fold, self._stepped(self._x0, base))) / SMALL
             if np.any(column):
                 self.skews[STEPS] = column
         self._allow()
@@ -191,14 +191,14 @@ class ShootingEvidence(PredictedEvidence):
         base, found = self._drive(active, self.simulator.numbers), {}
         for name, u in timings(active, self._u, self.simulator.inputs, self.log, not self.lines):
             near = self._near(self._x0, base, Drive(u, base.p, active, self.lines))
-            found[name] = self._compared(active, active, *map(self._fold, near))
+            found[name] = self._compared(active, active, map(self._fold, near))
         return found
 
     def _under_inputs(self, u: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under other inputs, to first order."""
         base = self._drive(self._own, self.simulator.numbers)
         near = self._near(self._x0, base, Drive(base.u + u - self._u, base.p, self._own, self.lines))
-        return self._compared(self._own, self._own, *map(self._fold, near))
+        return self._compared(self._own, self._own, map(self._fold, near))
 
     def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
         on, inputs = super()._passes_on(active)
@@ -207,24 +207,13 @@ class ShootingEvidence(PredictedEvidence):
             return [], set()
         return [*on, *read], set(self.simulator.inputs) if read else inputs
 
-    def _means(self, x: np.ndarray, rows: np.ndarray, first: int = 0) -> np.ndarray:
-        """Return means over the readings in windows, of signals that begin at a row of the log."""
-        read = ~self.log.lost[first : first + x.shape[-1]]
-        sums, count = (np.cumsum(np.concatenate([v[..., :1] * 0.0, v], axis=-1), axis=-1) for v in (x * read, read))
-        return np.asarray((sums[..., rows + self.n] - sums[..., rows]) / (count[rows + self.n] - count[rows]))
+    def _means(self, x: np.ndarray) -> np.ndarray:
+        """Return means over the readings in windows."""
+        return np.asarray(np.einsum("...wn,wn->...w", x[..., self._rows], self._share))
 
-    def _influence(self, slopes: list[np.ndarray]) -> list[np.ndarray]:
-        """Return how initial states act on the windows of each stretch, shape (n_states, n_shown, n_windows)."""
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
-        return [
-            np.stack([self._cut_means(o * sigma, s) for o in slope]) if len(slope) else np.zeros((0, 0, 0))
-            for s, slope in enumerate(slopes)
-        ]
-
-    def _cut_means(self, x: np.ndarray, k: int) -> np.ndarray:
-        """Return means over the windows of a stretch, shape (n_shown, n_windows)."""
-        first = self.stretches[k].first
-        return self._means(x, self._first[k] - first, first)
+    def _influence(self, slopes: np.ndarray) -> Influence:
+        """Return how initial states act on the windows."""
+        return Influence(self._means(slopes), self._window_of, len(self.stretches))
 
     def _residual(
         self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
@@ -237,36 +226,35 @@ class ShootingEvidence(PredictedEvidence):
         left = self._left(readings, predicted)
         influence, anew = self._O, changed and channels is None and len(x0) > 0
         if anew:
-            begun, left = self._begun_best(x0, left, active, numbers)
-            x0, influence = begun
+            (x0, influence), left = self._begun_best(x0, left, active, numbers)
         shift = self._explained(left, influence)
         if anew:
             while len(self._from) >= MOST_RUNS:
                 self._from.pop(next(iter(self._from)))
             self._from[named(active, numbers)] = Begun(x0, influence)
-            if sum(self._squares(left)) <= self._usual:  # what leads astray is no start for others
+            if np.sum(self._squares(left)) <= self._usual:  # what leads astray is no start for others
                 self._moved[kind], self._last[kind] = x0 + shift - self._x0, (active, numbers)
-        for k in range(len(left)):
-            if shift.size:
-                left[k] = left[k] - np.tensordot(shift[:, k], influence[k], axes=1)
-        return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+        return self._without(left, shift, influence)
+
+    def _without(self, left: np.ndarray, shift: np.ndarray, influence: Influence) -> np.ndarray:
+        """Return residuals less what changes of the initial states explain."""
+        return (left - influence.moved(shift) * self._scale).ravel()
 
     def _begun_best(
-        self, x0: np.ndarray, left: list[np.ndarray], active: Active, numbers: np.ndarray
-    ) -> tuple[Begun, list[np.ndarray]]:
+        self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray
+    ) -> tuple[Begun, np.ndarray]:
         """Return the initial states that fit best under a change, and what they leave."""
         influence = self._O
         for done in range(ROUNDS):
             shift = self._explained(left, influence)
             # Changes that fit worse than none need no exact start.
-            if not self._far(shift, influence) or (done and sum(self._squares(left)) > self._usual):
+            if not self._far(shift, influence) or (done and np.sum(self._squares(left)) > self._usual):
                 break
             trial = self._left(self.log.channels, self._predict(x0 + shift, active, numbers))
             better = self._squares(trial) < self._squares(left)
             if not better.any():
                 break
-            x0 = np.where(better, x0 + shift, x0)
-            left = [a if b else c for a, b, c in zip(trial, better, left, strict=True)]
+            x0, left = np.where(better, x0 + shift, x0), np.where(better[self._window_of], trial, left)
             if self.simulator.form == "ode":
                 influence = self._influence(self._slopes(x0, numbers, active))
         return Begun(x0, influence), left
@@ -283,7 +271,7 @@ class ShootingEvidence(PredictedEvidence):
             self._near(self._x0, self._drive(self._own, self.simulator.numbers), self._drive(a, p))[1]
             for a, p in ((active, numbers), (about, known))
         )
-        left = [-rows for rows in self._means_of_change(about, active, before, there)]
+        left = -self._means_of_change(about, active, before, there)
         return self._x0 + self._moved.get(kind, 0.0) + self._explained(left)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
@@ -306,52 +294,38 @@ class ShootingEvidence(PredictedEvidence):
         """Return the change of the residuals under effects and numbers near others, whose run is known."""
         begun = self._from.get(named(about, known), Begun(self._x0, self._O))
         near = self._near(begun.x0, self._drive(about, known), self._drive(active, numbers))
-        return self._compared(about, active, *near, begun.influence)
+        return self._compared(about, active, near, begun.influence)
 
     def _compared(
-        self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray],
-        influence: list[np.ndarray] | None = None,
-    ) -> np.ndarray:  # fmt: skip
-        """Return the change of the residuals between predictions, less what initial states explain."""
-        left = [-rows for rows in self._means_of_change(about, active, base, there)]
-        influence = influence or self._O
-        if (shift := self._explained(left, influence)).size:
-            left = [rows - np.tensordot(shift[:, k], influence[k], axes=1) for k, rows in enumerate(left)]
-        return np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
+        self, about: Active, active: Active, predictions: Iterable[np.ndarray], influence: Influence | None = None
+    ) -> np.ndarray:
+        """Return the change of the residuals from predictions to others, less what initial states explain."""
+        base, there = predictions
+        left, influence = -self._means_of_change(about, active, base, there), influence or self._O
+        return self._without(left, self._explained(left, influence), influence)
 
-    def _means_of_change(
-        self, about: Active, active: Active, base: list[np.ndarray], there: list[np.ndarray]
-    ) -> list[np.ndarray]:
-        """Return the difference of predictions as sensors read them, as means over the windows of each stretch."""
-        before, after = (self._read(a, rows, self.shown) for a, rows in ((about, base), (active, there)))
-        return [
-            self._cut_means(np.clip(np.nan_to_num(z - y), -1e12, 1e12), k)
-            for k, (y, z) in enumerate(zip(before, after, strict=True))
-        ]
+    def _means_of_change(self, about: Active, active: Active, base: np.ndarray, there: np.ndarray) -> np.ndarray:
+        """Return the difference of predictions as sensors read them, as means over windows."""
+        before, after = self._read(about, base, self.shown), self._read(active, there, self.shown)
+        return self._means(np.clip(np.nan_to_num(after - before), -1e12, 1e12))
 
-    def _left(self, readings: Mapping[str, np.ndarray], predicted: list[np.ndarray]) -> list[np.ndarray]:
-        found = []
-        for k, (s, rows) in enumerate(zip(self.stretches, predicted, strict=True)):
-            measured = np.stack([readings[n][s.first : s.stop] for n in self.shown])
-            found.append(self._cut_means(measured - np.clip(np.nan_to_num(rows), -1e12, 1e12), k))
-        return found
+    def _left(self, readings: Mapping[str, np.ndarray], predicted: np.ndarray) -> np.ndarray:
+        """Return measured less predicted, as means over windows, shape (n_shown, n_windows)."""
+        return self._means(self._readings(readings) - np.clip(np.nan_to_num(predicted), -1e12, 1e12))
 
-    def _far(self, shift: np.ndarray, influence: list[np.ndarray]) -> bool:
+    def _far(self, shift: np.ndarray, influence: Influence) -> bool:
         """Return whether initial states change by more than noise would cause, so that first order is inexact."""
-        moved = [np.tensordot(x, slopes, axes=1) for x, slopes in zip(shift.T, influence, strict=True)]
-        return sum(self._squares(moved)) > sum(m.size for m in moved)
+        moved = influence.moved(shift) * self._scale
+        return bool(np.sum(self._squares(moved)) > moved.size)
 
-    def _squares(self, rows: list[np.ndarray]) -> np.ndarray:
+    def _squares(self, rows: np.ndarray) -> np.ndarray:
         """Return the sum of squares of each stretch's windows, in units of their noise."""
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None] / np.sqrt(self.n)
-        return np.array([power([r / sigma]) for r in rows])
+        power = np.sum(np.square(rows / self._scale), axis=0) * self.n
+        return np.bincount(self._window_of, power, len(self.stretches))
 
-    def _explained(self, left: list[np.ndarray], influence: list[np.ndarray] | None = None) -> np.ndarray:
+    def _explained(self, left: np.ndarray, influence: Influence | None = None) -> np.ndarray:
         """Return the changes of the initial states that explain most of the residual."""
-        if not len(self._x0):
-            return np.zeros((0, 0))
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
-        return self._shift([slope / sigma for slope in influence or self._O], [e / sigma for e in left])
+        return (influence or self._O).explained(left / self._scale)
 
     def _differences(self, a: int, b: int) -> list[np.ndarray]:
         """Return the difference of two runs beyond what their different initial states explain.
@@ -361,10 +335,8 @@ class ShootingEvidence(PredictedEvidence):
         """
         if not len(self._x0):
             return super()._differences(a, b)
-        left = self._left(self.log.channels, self._plain)
-        whole = np.concatenate([np.concatenate([rows[j] for rows in left]) for j in range(len(self.shown))])
-        slopes = [np.concatenate([o[:, j] for o in self._O], axis=1) for j in range(len(self.shown))]
-        stretch = np.concatenate([np.full(len(f), k) for k, f in enumerate(self._first)])
+        whole = self._left(self.log.channels, self._plain).ravel()
+        slopes, stretch = np.moveaxis(self._O.slopes * self._scale, 1, 0), self._window_of
         n = len(stretch)
         at, spreads, columns = [], [], []
         for j, part in enumerate(self.parts):
@@ -456,8 +428,7 @@ class ShootingEvidence(PredictedEvidence):
         base = self._ran(self._x0, self._u, p)
         sizes = []
         for row, output in enumerate(self.simulator.outputs):
-            change = np.concatenate([a[row] - b[row] for a, b in zip(moved, base, strict=True)])
-            reach = float(np.sqrt(np.mean(np.square(change))))
+            reach = rms(moved[row] - base[row])
             if output in gaps and reach > 0.0:
                 sizes.append(step * max(gaps[output], self.sigma[output]) / reach)
         return min(sizes, default=step)
@@ -465,7 +436,6 @@ class ShootingEvidence(PredictedEvidence):
     def predicted(self, more: Sequence[str] = ()) -> dict[str, np.ndarray]:
         """Return the channels that the simulator with its effects predicts, from the best initial states."""
         active, numbers = self._own, self.simulator.numbers
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
         x0 = self._starts()
         for _ in range(ROUNDS if len(x0) else 0):
             left = self._left(self.log.channels, self._predict(x0, active, numbers))
@@ -475,14 +445,13 @@ class ShootingEvidence(PredictedEvidence):
                 step = 1e-4 * (float(np.max(np.abs(x0[k]))) or 1.0)
                 moved[k] += step
                 there = self._left(self.log.channels, self._predict(moved, active, numbers))
-                slopes.append([(a - b) / (step * sigma) for a, b in zip(left, there, strict=True)])
-            shift = self._shift([np.stack(s) for s in zip(*slopes, strict=True)], [e / sigma for e in left])
+                slopes.append((left - there) / (step * self._scale))
+            shift = self._explained(left, Influence(np.stack(slopes), self._window_of, len(self.stretches)))
             x0 = x0 + shift
             if float(np.max(np.abs(shift))) <= 1e-9 * float(np.max(np.abs(x0)) or 1.0):
                 break
         shown = list(dict.fromkeys([*self.shown, *more]))
-        rows = np.concatenate(self._predict(x0, active, numbers, shown), axis=1)
-        return dict(zip(shown, rows, strict=True))
+        return dict(zip(shown, self._predict(x0, active, numbers, shown), strict=True))
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""

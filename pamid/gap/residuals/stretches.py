@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -15,9 +14,10 @@ from ...simulators.port_log import PortLog
 from ...simulators.structure import full_turns
 from ..inference.student_t import bounded
 from ..settings import TOLERANCE
+from .influence import Influence, beside, forgotten
 from .ports import PortEvidence
 from .states import pairs_of, probe
-from .tolerances import LAYINGS, differ, rms
+from .tolerances import LAYINGS, differ
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
@@ -40,9 +40,9 @@ BELOW = 6.0
 """Standard deviations of the noise below zero that a reading without a sign may be."""
 LOST = 1.0, 0.5
 """Shares of the sign that a sensor may not read: a magnitude, and half of the range."""
-FORGETS, AT_ONCE, GONE = (500, 2000, 8000), 8, 1e-3
-"""Lengths over which it is asked whether a simulator forgets where it began, how many such stretches make it worth
-while, and what is then left of an initial state's largest effect."""
+FORGETS, AT_ONCE = (500, 2000, 8000), 8
+"""Lengths over which it is asked whether a simulator forgets where it began, and how many such stretches make it worth
+while."""
 
 
 class Segment(NamedTuple):
@@ -85,9 +85,23 @@ class StretchEvidence(PortEvidence):
             self._moves = {v: x for v, x in hidden.items() if v not in log.channels}
         self._guess = np.array([simulator.port(s).begins for s in simulator.states])
 
+    @property
+    def _firsts(self) -> np.ndarray:
+        """First rows of the stretches, which follow each other."""
+        return np.array([s.first for s in self.stretches])
+
+    @property
+    def _of(self) -> np.ndarray:
+        """Return the stretch of each row."""
+        return np.repeat(np.arange(len(self.stretches)), np.diff(np.append(self._firsts, self.log.n)))
+
+    def _sums(self, rows: np.ndarray) -> np.ndarray:
+        """Return the sums of rows over each stretch."""
+        return np.add.reduceat(rows, self._firsts, axis=-1)
+
     @abstractmethod
-    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
-        """Return the predicted channels for several initial states and numbers, (n_shown, length) per stretch."""
+    def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
+        """Return the predicted channels for several initial states and numbers, shape (n_copies, n_shown, n)."""
 
     def _lay(self) -> None:
         """Choose the longest stretches that the simulator can follow, and fit their initial states."""
@@ -155,17 +169,16 @@ class StretchEvidence(PortEvidence):
             self.stretches = [part for both in parts for part in both]
             self._x0 = self._fitted_starts()
 
-    def _led_elsewhere(self) -> list[bool]:
+    def _led_elsewhere(self) -> np.ndarray:
         """Return the stretches whose prediction is far from linear in a start that is off by its reading's noise."""
         off = np.array([self.sigma.get(s, 0.0) if s in self.log.channels else 0.0 for s in self.simulator.states])
         starts = [self._x0 + sign * h[:, None] for h in np.diag(off) if h.any() for sign in (1.0, -1.0)]
         here, *there = self._errors([self._x0, *starts], [self.simulator.numbers] * (len(starts) + 1))
         least = np.array([FOLLOWS * self._spread(n) / self.sigma[n] for n in self.shown])
-        bent = [False] * len(here)
+        bent = np.zeros(len(self.stretches), dtype=bool)
         for ahead, behind in zip(there[::2], there[1::2], strict=True):
-            for k, (a, b, e) in enumerate(zip(ahead, behind, here, strict=True)):
-                size = np.sqrt(np.mean(np.square(0.5 * (a + b) - e), axis=1))
-                bent[k] = bent[k] or not bool(np.all(size < least))
+            power = self._sums(np.square(0.5 * (ahead + behind) - here)) / np.bincount(self._of)
+            bent |= ~np.all(np.sqrt(power) < least[:, None], axis=0)
         return bent
 
     def _lay_like(self, other: StretchEvidence) -> None:
@@ -197,7 +210,7 @@ class StretchEvidence(PortEvidence):
             if length * AT_ONCE > longest:
                 break
             self.stretches = self._cut(length)
-            if all(forgotten(slopes) for slopes in self._slopes(self._starts())):
+            if all(map(forgotten, np.split(self._slopes(self._starts()), self._firsts[1:], axis=-1))):
                 return max(s.stop - s.first for s in self.stretches)
         return longest
 
@@ -206,7 +219,7 @@ class StretchEvidence(PortEvidence):
         x0 = np.repeat(self._guess[:, None], len(self.stretches), axis=1)
         for k, state in enumerate(self.simulator.states):
             if state in self.log.channels:
-                x0[k] = [self.log.channels[state][s.first] for s in self.stretches]
+                x0[k] = self.log.channels[state][self._firsts]
             elif state in self._moves:
                 x0[k] = [self._speed(self._moves[state], s, x0[k, j]) for j, s in enumerate(self.stretches)]
         return self._closed(x0)
@@ -225,8 +238,7 @@ class StretchEvidence(PortEvidence):
             x = np.stack([log.channels.get(s, np.full(log.n, begin)) for s, begin in own])
             self._along_loops = np.hstack([simulator.closed(x[:, a:b], known, along=True) for a, b in log.spans])
         hidden = [s not in known for s in simulator.states]
-        firsts = [s.first for s in self.stretches]
-        guess = np.where(np.array(hidden)[:, None], self._along_loops[:, firsts], x0)
+        guess = np.where(np.array(hidden)[:, None], self._along_loops[:, self._firsts], x0)
         return simulator.closed(guess, known)
 
     def _speed(self, position: str, s: Segment, otherwise: float) -> float:
@@ -243,50 +255,52 @@ class StretchEvidence(PortEvidence):
         mirrored = x0 * np.where([s in self.folds for s in self.simulator.states], -1.0, 1.0)[:, None]
         if np.any(mirrored != x0):  # a magnitude does not show on which side a stretch begins
             others, missed = self._fitted_from(mirrored)
-            better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
-            found, error = (
-                np.where(better, others, found),
-                [m if b else e for m, e, b in zip(missed, error, better, strict=True)],
-            )
+            better = self._power(missed) < self._power(error)
+            found, error = np.where(better, others, found), np.where(better[self._of], missed, error)
         return self._unless_apart(found, error)
 
-    def _unless_apart(self, x0: np.ndarray, error: list[np.ndarray]) -> np.ndarray:
+    def _power(self, error: np.ndarray) -> np.ndarray:
+        """Return the sum of squares over each stretch."""
+        return self._sums(np.sum(np.square(error), axis=0))
+
+    def _unless_apart(self, x0: np.ndarray, error: np.ndarray) -> np.ndarray:
         """Return initial states, fitted anew over growing parts where a stretch misses by far more than the others.
 
         Far along an unstable motion the error has many least values, and few over its first part.
         """
-        misses = [rms(np.nan_to_num(e)) for e in error]
-        least = max(min(misses) if len(misses) > 1 else 1.0, 1.0)
-        if self.simulator.one_by_one or max(misses) <= APART * least:
+        misses = np.sqrt(self._power(np.nan_to_num(error)) / (len(error) * np.bincount(self._of)))
+        least = max(np.min(misses) if len(misses) > 1 else 1.0, 1.0)
+        if self.simulator.one_by_one or np.max(misses) <= APART * least:
             return x0
         anew = self._starts()
         for share in FIRST_PARTS:
             anew, _ = self._fitted_from(anew, share)
         anew, missed = self._fitted_from(anew)
-        better = [power([m]) < power([e]) for m, e in zip(missed, error, strict=True)]
-        return np.where(better, anew, x0)
+        return np.where(self._power(missed) < self._power(error), anew, x0)
 
-    def _fitted_from(self, x0: np.ndarray, share: float = 1.0) -> tuple[np.ndarray, list[np.ndarray]]:
-        """Return the best initial states near given ones, and the error over a first share of each stretch."""
+    def _fitted_from(self, x0: np.ndarray, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
+        """Return the best initial states near given ones, and the error, over a first share of each stretch."""
+        within = [np.arange(s.first, s.first + max(round(share * (s.stop - s.first)), 1)) for s in self.stretches]
+        rows = np.concatenate(within)
+        of = self._of[rows]
 
-        def begun(along: Sequence[np.ndarray]) -> list[np.ndarray]:
-            return [x[..., : max(round(share * x.shape[-1]), 1)] for x in along]
+        def power(left: np.ndarray) -> np.ndarray:
+            return np.bincount(of, np.sum(np.square(left), axis=0))
 
-        error = begun(self._error(x0))
+        error = self._error(x0)[:, rows]
         for _ in range(ROUNDS if len(x0) else 0):
-            shift = self._shift(begun(self._slopes(x0)), error)
+            shift = Influence(self._slopes(x0)[..., rows], of, len(self.stretches)).explained(error)
+            before = power(error)
             for size in (1.0,) if share == 1.0 else (1.0, 0.25, 0.0625):
                 trial = x0 + size * shift
-                found = begun(self._error(trial))
-                less = [np.sum(np.square(f)) < np.sum(np.square(e)) for f, e in zip(found, error, strict=True)]
-                better = np.array(less)
+                found = self._error(trial)[:, rows]
+                better = power(found) < before
                 if better.any():
                     break
             if not better.any():
                 break
-            x0, before = np.where(better, trial, x0), power(error)
-            error = [f if b else e for f, e, b in zip(found, error, better, strict=True)]
-            if before - power(error) < len(x0):  # no more than noise alone would make of as many initial states
+            x0, error = np.where(better, trial, x0), np.where(better[of], found, error)
+            if np.sum(before) - np.sum(power(error)) < len(x0):  # as noise alone makes of as many initial states
                 break
         return x0, error
 
@@ -296,7 +310,7 @@ class StretchEvidence(PortEvidence):
         A reading that is never negative, where the prediction is, may be a magnitude. Then no initial state lets the
         simulator follow it, and very short stretches would hide the sensor fault.
         """
-        plain = np.concatenate(self._predict_many([self._starts()], [self.simulator.numbers])[0], axis=1)
+        plain = self._predict_many([self._starts()], [self.simulator.numbers])[0]
         for name, row in zip(self.shown, plain, strict=True):
             x = self.log.channels[name]
             if np.min(x) < -BELOW * self.sigma[name] or not np.min(row) < -FOLLOWS * float(np.std(x)):
@@ -315,10 +329,10 @@ class StretchEvidence(PortEvidence):
         self.folds = {}
         return None
 
-    def _fold(self, rows: Sequence[np.ndarray]) -> list[np.ndarray]:
+    def _fold(self, rows: np.ndarray) -> np.ndarray:
         """Return predicted channels without the lost signs."""
         lost = np.array([self.folds.get(n, 0.0) for n in self.shown])[:, None]
-        return [y + lost * (np.abs(y) - y) for y in rows] if self.folds else list(rows)
+        return rows + lost * (np.abs(rows) - rows) if self.folds else rows
 
     def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
         """Return prediction errors once tolerances are fitted with the initial states, and both.
@@ -329,50 +343,49 @@ class StretchEvidence(PortEvidence):
         x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
         for _ in range(LAYINGS):
-            slopes = self._slopes(x, self._numbers_at(d))
-            columns = [c.reshape(len(d), -1) for c in self._slopes_of_numbers(x, d)]
-            A = np.concatenate([beside(slopes[k], c) for k, c in enumerate(columns)], axis=1)
-            left = np.concatenate([beside(slopes[k], e.reshape(1, -1))[0] for k, e in enumerate(error)])
+            slopes, columns = self._slopes(x, self._numbers_at(d)), self._slopes_of_numbers(x, d)
+            parts = [slice(s.first, s.stop) for s in self.stretches]
+            flat = [(slopes[..., p], columns[..., p].reshape(len(d), -1), error[:, p].reshape(1, -1)) for p in parts]
+            A = np.concatenate([beside(own, c) for own, c, _ in flat], axis=1)
+            left = np.concatenate([beside(own, e)[0] for own, _, e in flat])
             first = A if first is None else first
             size = np.sqrt(np.sum(np.square(A), axis=1))
             size = np.where(size > 0.0, size, 1.0)  # a number that acts on nothing stays where it is
             # Tolerances have the same prior as in fits: parameters with little influence stay near their values.
-            prior = TOLERANCE * power(error) / sum(e.size for e in error)
+            before = float(np.sum(np.square(error)))
+            prior, begun = TOLERANCE * before / error.size, Influence(slopes, self._of, len(self.stretches))
             for _ in range(4):
                 H = (A / size[:, None]) @ (A / size[:, None]).T + np.diag(damping + prior / size**2)
                 trial = d + bounded(H, (A @ left - prior * d) / size, (-1.0 - d) * size, (1.0 - d) * size) / size
-                changed = [
-                    np.tensordot(trial - d, c, axes=1).reshape(e.shape) for c, e in zip(columns, error, strict=True)
-                ]
-                rest = [e - c for e, c in zip(error, changed, strict=True)]
-                start = x + self._shift(slopes, rest)
+                start = x + begun.explained(error - np.tensordot(trial - d, columns, axes=1))
                 found = self._error(start, self._numbers_at(trial))
-                if power(found) < power(error):
+                after = float(np.sum(np.square(found)))
+                if after < before:
                     break
                 damping *= 10.0
             else:
                 break
-            gain, x, d, error = 1.0 - power(found) / power(error), start, trial, found
+            x, d, error = start, trial, found
             self.curved = self.curved or differ(first, A)
             damping *= 0.1
-            if gain < 0.01:
+            if 1.0 - after / before < 0.01:
                 break
         return self._missed(error), d, x
 
     def _numbers_at(self, x: np.ndarray) -> np.ndarray:
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
 
-    def _runs_away(self, error: list[np.ndarray]) -> bool:
+    def _runs_away(self, error: np.ndarray) -> bool:
         """Return whether predictions leave the measurements long before their end, whatever the initial state."""
         if self.simulator.form == "run" or self.whole:
             return False
-        return self._missed(error) > ASTRAY and GOES * self._followed(error) < max(e.shape[1] for e in error)
+        return bool(self._missed(error) > ASTRAY and GOES * self._followed(error) < np.max(np.bincount(self._of)))
 
-    def _followed(self, error: list[np.ndarray]) -> int:
+    def _followed(self, error: np.ndarray) -> int:
         """Return for how many samples predictions usually follow the log."""
         most = np.array([FOLLOWS * self._spread(n) / self.sigma[n] for n in self.shown])
-        astray = [np.flatnonzero(np.any(~(np.abs(e) <= most[:, None]), axis=0)) for e in error]
-        return int(np.median([a[0] if len(a) else e.shape[1] for a, e in zip(astray, error, strict=True)]))
+        astray = np.split(np.any(~(np.abs(error) <= most[:, None]), axis=0), self._firsts[1:])
+        return int(np.median([np.argmax(a) if a.any() else len(a) for a in astray]))
 
     def _spread(self, name: str) -> float:
         """Return a signal's deviation; of an angle in which the simulator comes round, at most that within a turn.
@@ -381,75 +394,42 @@ class StretchEvidence(PortEvidence):
         """
         return min(float(np.std(self.log.channels[name])) or 1.0, self._round.get(name, np.inf) / np.sqrt(12.0))
 
-    def _missed(self, error: list[np.ndarray]) -> float:
+    def _missed(self, error: np.ndarray) -> float:
         """Return the largest prediction error as a share of a signal's deviation."""
         worst = 0.0
-        for row, name in zip(np.concatenate(error, axis=1), self.shown, strict=True):
+        for row, name in zip(error, self.shown, strict=True):
             size = self._spread(name)
             worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
         return worst if np.isfinite(worst) else np.inf
 
-    def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return prediction errors, in units of each channel's noise, shape (n_shown, length) per stretch."""
-        return self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0]
+    def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return prediction errors, in units of each channel's noise, shape (n_shown, n)."""
+        return np.asarray(self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0])
 
-    def _errors(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> list[list[np.ndarray]]:
+    def _errors(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
         """Return the same for several initial states and numbers, which are simulated together."""
-        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
-        measured = [np.stack([self.log.channels[n][s.first : s.stop] for n in self.shown]) for s in self.stretches]
-        return [
-            [(y - rows) / sigma for y, rows in zip(measured, self._fold(predicted), strict=True)]
-            for predicted in self._predict_many(starts, numbers)
-        ]
+        return (self._readings(self.log.channels) - self._fold(self._predict_many(starts, numbers))) / self._scale
 
-    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> list[np.ndarray]:
-        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, length)."""
+    def _readings(self, channels: Mapping[str, np.ndarray]) -> np.ndarray:
+        """Return what sensors read of the predicted channels."""
+        return np.stack([channels[n] for n in self.shown])
+
+    @property
+    def _scale(self) -> np.ndarray:
+        """Noise of each predicted channel, as a column."""
+        return np.array([self.sigma[n] for n in self.shown])[:, None]
+
+    def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return the sensitivities of predictions to initial states, in noise, shape (n_states, n_shown, n)."""
         numbers = self.simulator.numbers if numbers is None else numbers
-        steps = [1e-4 * (float(np.max(np.abs(row))) or 1.0) for row in x0]
+        steps = np.array([1e-4 * (float(np.max(np.abs(row))) or 1.0) for row in x0])
         starts = [x0 + h * e[:, None] for h, e in zip(steps, np.eye(len(x0)), strict=True)]
         base, *moved = self._errors([x0, *starts], [numbers] * (len(x0) + 1))
-        return [
-            np.stack([(base[j] - m[j]) / h for m, h in zip(moved, steps, strict=True)])
-            if steps
-            else np.zeros((0, *base[j].shape))
-            for j in range(len(base))
-        ]
+        found = [(base - m) / h for m, h in zip(moved, steps, strict=True)]
+        return np.reshape(found, (len(x0), *base.shape))
 
-    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
-        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, length)."""
+    def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> np.ndarray:
+        """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, n)."""
         steps = [self._numbers_at(d), *(self._numbers_at(d + e) for e in 0.01 * np.eye(len(d)))]
         base, *there = self._errors([x0] * len(steps), steps)
-        return [np.stack([(base[j] - m[j]) / 0.01 for m in there]) for j in range(len(base))]
-
-    def _shift(self, slopes: list[np.ndarray], error: list[np.ndarray]) -> np.ndarray:
-        """Return the changes of the initial states that explain most, shape (n_states, n_stretches)."""
-        columns = []
-        for slope, e in zip(slopes, error, strict=True):
-            A = slope.reshape(len(slope), math.prod(slope.shape[1:]))
-            size = np.sqrt(np.sum(np.square(A), axis=1))
-            size = np.where(size > 0.0, size, 1.0)
-            if not np.all(np.isfinite(A)):  # the simulator goes where it has no values: told elsewhere
-                columns.append(np.full(len(A), np.nan))
-                continue
-            # Of an unstable motion all states soon act alike: normal equations would lose what sets them apart.
-            columns.append(np.linalg.lstsq((A / size[:, None]).T, np.nan_to_num(e).ravel(), rcond=1e-10)[0] / size)
-        return np.stack(columns, axis=1) if columns else np.zeros((0, 0))
-
-
-def forgotten(slopes: np.ndarray) -> bool:
-    """Return whether the effect of initial states, shape (n_states, n_shown, n), has died out halfway along."""
-    size = np.max(np.abs(slopes), axis=1)
-    return bool(np.all(np.max(size[:, size.shape[1] // 2 :], axis=1) <= GONE * np.max(size, axis=1)))
-
-
-def beside(slopes: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return rows with the initial states projected out."""
-    O = slopes.reshape(len(slopes), math.prod(slopes.shape[1:]))  # noqa: E741 - as in the module's formula
-    size = np.sqrt(np.sum(np.square(O), axis=1))
-    Q = np.linalg.qr((O[size > 0.0] / size[size > 0.0, None]).T)[0]
-    return rows - (rows @ Q) @ Q.T
-
-
-def power(parts: Sequence[np.ndarray]) -> float:
-    """Return the sum of all squares."""
-    return float(sum(np.sum(np.square(x)) for x in parts))
+        return np.stack([(base - m) / 0.01 for m in there])

@@ -17,7 +17,7 @@ from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
-from .measured_inputs import exceeds, relative, rough_inputs, shown, white_over, without_slow
+from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
 from .protocol import Active
 from .repeats import repeating
 from .tolerances import rms
@@ -69,6 +69,8 @@ class WindowNoise(ABC):
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
     """Whether residuals are larger than both together."""
+    exact_inputs = False
+    """Whether residuals are too small for that noise."""
     _unresolved: np.ndarray | float = 0.0
     _whitening: Whitening
 
@@ -169,7 +171,8 @@ class WindowNoise(ABC):
         fitted = fitted or self.without_causes()
         left = quick(fitted.z)
         readings = np.array([judged(one) for one in self._drawn])
-        if not exceeds(left, readings, self.parts):
+        beyond = exceeds(left, readings, self.parts)
+        if not beyond and self.simulator.form == "run":
             return False
         rng, count = np.random.RandomState(1), len(self._drawn)
         different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
@@ -187,7 +190,8 @@ class WindowNoise(ABC):
         every = np.sum(each, axis=0)
         self.by_inputs = relative(every, readings, self.parts)
         self.beyond_inputs = exceeds(left, readings + every, self.parts, surely=True)
-        which = shown(left, readings, each, self.parts)
+        self.exact_inputs = quieter(left, readings, readings + every, self.parts)
+        which = shown(left, readings, each, self.parts) if beyond else []
         if not which:
             return False
         for k in which:
