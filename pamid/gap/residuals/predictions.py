@@ -15,7 +15,7 @@ from ...simulators.base import Simulator
 from ...simulators.integrate import MOST, Runner, side_by_side
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from .between_rows import drawn, passed_on
+from .between_rows import drawn, passed_on, read_between
 from .protocol import Active
 from .response import Drive, Response
 from .states import integral
@@ -53,6 +53,8 @@ class PredictedEvidence(StretchEvidence):
         self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
         self._along: dict[tuple[str, ...], np.ndarray] = {}
         """The latest states along the log, by the kind of change."""
+        self._begins: list[np.ndarray] = []
+        """Sensitivities of predictions to the initial states of each stretch."""
         self._done: dict[bytes, list[tuple[list[np.ndarray], list[np.ndarray]]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
@@ -64,13 +66,19 @@ class PredictedEvidence(StretchEvidence):
     ) -> list[np.ndarray]:
         """Return the predicted channels, shape (n_shown, length) per stretch."""
         shown = self.shown if shown is None else shown
-        drive = self._drive(active, numbers)
+        return self._read(active, self._unread(x0, active, numbers, shown), shown)
+
+    def _unread(
+        self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
+    ) -> list[np.ndarray]:
+        """Return the same without the faults of sensors."""
+        shown, drive = self.shown if shown is None else shown, self._drive(active, numbers)
         if self.simulator.form == "run":
             outputs = self._ran(x0, drive.u, drive.p)
             states = [np.zeros((0, s.stop - s.first)) for s in self.stretches]
         else:
             states, outputs = self._simulate(x0, drive.u, drive.p, drive.acting)
-        return self._read(active, self._shown(states, outputs, shown), shown)
+        return self._shown(states, outputs, shown)
 
     def _drive(self, active: Active, numbers: np.ndarray) -> Drive:
         """Return the inputs and parameters under effects, with effects that act like forces."""
@@ -89,9 +97,10 @@ class PredictedEvidence(StretchEvidence):
     def _read(self, active: Active, rows: list[np.ndarray], shown: Sequence[str]) -> list[np.ndarray]:
         """Return channels as faulty sensors read them, in place."""
         ends = np.cumsum([one.shape[1] for one in rows])
+        starts = np.concatenate([[0], ends[:-1]])
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                read = place.reading(made, np.concatenate([one[k] for one in rows]), self.log.dt, ends - ends[0])
+                read = read_between(place, made, np.concatenate([one[k] for one in rows]), self.log.dt, starts)
                 for one, found in zip(rows, np.split(read, ends[:-1]), strict=True):
                     one[k] = found
         return rows
@@ -372,11 +381,34 @@ class PredictedEvidence(StretchEvidence):
             return super()._slopes(x0, numbers)
         base = self._drive(active or [], self.simulator.numbers if numbers is None else numbers)
         states, outputs = self._simulate(x0, base.u, base.p, base.acting)
-        response, before = self._response(x0, base, states), self._fold(self._shown(states, outputs, self.shown))
-        found = []
+        response = self._response(x0, base, states)
+
+        def read(states: list[np.ndarray], outputs: list[np.ndarray]) -> list[np.ndarray]:
+            return self._fold(self._read(active or [], self._shown(states, outputs, self.shown), self.shown))
+
+        before, found = read(states, outputs), []
         for k, row in enumerate(x0):
             h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
-            there = self._fold(self._shown(*self._moved_states(states, h * response.of_start(k), base), self.shown))
+            there = read(*self._moved_states(states, h * response.of_start(k), base))
+            found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
+        return self._in_noise(found)
+
+    def _as_read(self, x0: np.ndarray, active: Active, numbers: np.ndarray) -> list[np.ndarray] | None:
+        """Return the sensitivities to initial states as sensors with memory read them; None without such sensors.
+
+        A lag holds what an initial state does for longer than the motion.
+        """
+        if self.simulator.form != "ode" or not any(
+            made.n_states and place.readings and set(place.readings) & set(self.shown) for place, made in active
+        ):
+            return None
+        rows, found = self._unread(x0, active, numbers), []
+        sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
+        before = self._read(active, [one.copy() for one in rows], self.shown)
+        for k, row in enumerate(x0):
+            h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
+            moved = [one + h * slope[k] * sigma for one, slope in zip(rows, self._begins, strict=True)]
+            there = self._read(active, moved, self.shown)
             found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
         return self._in_noise(found)
 

@@ -174,8 +174,8 @@ class ShootingEvidence(PredictedEvidence):
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
         self._usual = float(sum(self._squares(self._left(self.log.channels, self._plain))))
-        slopes = self._slopes(self._x0) if len(self._x0) else [np.zeros((0, *p.shape)) for p in self._plain]
-        self._O = self._influence(slopes)
+        self._begins = self._slopes(self._x0) if len(self._x0) else [np.zeros((0, *p.shape)) for p in self._plain]
+        self._O = self._influence(self._begins)
 
     def _skew(self) -> None:
         """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
@@ -255,7 +255,7 @@ class ShootingEvidence(PredictedEvidence):
         self, x0: np.ndarray, left: list[np.ndarray], active: Active, numbers: np.ndarray
     ) -> tuple[Begun, list[np.ndarray]]:
         """Return the initial states that fit best under a change, and what they leave."""
-        influence = self._O
+        influence = self._influence(read) if (read := self._as_read(x0, active, numbers)) else self._O
         for done in range(ROUNDS):
             shift = self._explained(left, influence)
             # Changes that fit worse than none need no exact start.
