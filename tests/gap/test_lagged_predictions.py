@@ -3,9 +3,12 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy.signal import lfilter
 
 from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.worth import Worth
 from pamid.gap.residuals.between_rows import PIECES, curved
+from pamid.gap.residuals.jumps import NOTE
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.simulators import EquationSimulator, Port
 from pamid.simulators.port_log import port_log
@@ -60,6 +63,28 @@ def test_initial_states_act_on_a_late_reading_as_it_shows_them(evidence):
     begun = [np.flatnonzero(evidence.run == k)[:5] for k in range(3)]
     left = evidence.raw(fit.z)[np.concatenate(begun)]
     assert np.max(np.abs(left)) < 4.0
+
+
+def test_a_late_sensor_holds_what_jumps_between_uneven_rows_change():
+    """What an instant that nobody knows changes lasts as long as the lag, and is no gap."""
+    rng, runs, parts = np.random.default_rng(1), [], 100
+    h = DT / parts
+    for run, rows in enumerate((900, 1100)):
+        stamps = (parts * (np.arange(rows) + rng.uniform(-0.3, 0.3, rows))).astype(int)
+        fine = np.arange(stamps[-1] - stamps[0] + 1)
+        at = np.sort(rng.integers(0, fine[-1], rows // 25))
+        u = rng.uniform(-3.0, 3.0, len(at) + 1)[np.searchsorted(at, fine, side="right")]
+        read = u
+        for time in (0.3, 0.4, LAG):
+            read = lfilter([h / time], [1.0, h / time - 1.0], read)
+        stamps -= stamps[0]
+        noisy = read[stamps] + NOISE * rng.standard_normal(rows)
+        runs.append(pd.DataFrame({"trajectory": str(run), "time": h * stamps, "u": u[stamps], "y": noisy}))
+    evidence = ShootingEvidence(port_log(pd.concat(runs, ignore_index=True), CHAIN), CHAIN)
+    assert NOTE in evidence.notes and len(evidence.stretches) == 2
+    assert evidence.widening({}) is None
+    found = Worth(evidence).hypothesis(Fitter(evidence).refine(late(evidence, LAG)))
+    assert np.max(found.left) < 1.2  # twice that if the noise is taken to last no longer than without the lag
 
 
 def test_a_signal_with_corners_is_curved_between_its_rows():

@@ -398,9 +398,7 @@ class PredictedEvidence(StretchEvidence):
 
         A lag holds what an initial state does for longer than the motion.
         """
-        if self.simulator.form != "ode" or not any(
-            made.n_states and place.readings and set(place.readings) & set(self.shown) for place, made in active
-        ):
+        if self.simulator.form != "ode" or not len(x0) or not self._late(active):
             return None
         rows, found = self._unread(x0, active, numbers), []
         sigma = np.array([self.sigma[n] for n in self.shown])[:, None]
@@ -411,6 +409,10 @@ class PredictedEvidence(StretchEvidence):
             there = self._read(active, moved, self.shown)
             found.append([(a - b) / h for a, b in zip(there, before, strict=True)])
         return self._in_noise(found)
+
+    def _late(self, active: Active) -> Active:
+        """Return the sensors with memory that change what is shown."""
+        return [(place, made) for place, made in active if made.n_states and set(place.readings) & set(self.shown)]
 
     def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> list[np.ndarray]:
         """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, length)."""
