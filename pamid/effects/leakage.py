@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from ..laws.valve import flow_function
 from ..signals.state import Array
 from .base import Effect, FlowTerm, Signals
@@ -26,7 +28,8 @@ class Leakage(Effect):
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that leaks, kg/s."""
-        psi = flow_function(plant.atmospheric_pressure / s.pressure, plant.critical_pressure_ratio)
+        there = np.where(s.pressure == 0.0, 1.0, s.pressure)  # nothing leaks from where nothing is
+        psi = flow_function(plant.atmospheric_pressure / there, plant.critical_pressure_ratio)
         return FlowTerm(self.conductance * plant.reference_density * s.pressure * psi, 0.0)
 
 
@@ -50,7 +53,10 @@ class PortLeakage(Leakage):
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return what leaks."""
         a, b = super().flow(s, x, plant)
-        return FlowTerm(a if self.exponent == 1.0 else a * (s.pressure / self.unit_size) ** (self.exponent - 1.0), b)
+        if self.exponent == 1.0:
+            return FlowTerm(a, b)
+        size = np.abs(np.where(s.pressure == 0.0, self.unit_size, s.pressure) / self.unit_size)
+        return FlowTerm(a * size ** (self.exponent - 1.0), b)
 
 
 class Passage(Effect):
