@@ -31,7 +31,7 @@ class Gain:
 
 
 class ForceRange:
-    """The limit of an actuator's force as an array has it: the larger end of its range, of which the other is a share."""
+    """The limit of an actuator's force as an array has it: the larger end of its range, whose shape it keeps."""
 
     def __init__(self, m: Any, k: int) -> None:
         self._m, self._k = m, k

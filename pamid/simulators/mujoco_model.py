@@ -29,8 +29,8 @@ from .ports import ModelParameter, Port, merged
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
     "dof_frictionloss": ("N m", "N"), "jnt_stiffness": ("N m/rad", "N/m"), "actuator_gear": ("-", "-"),
-    "actuator_kp": ("N m/rad", "N/m"), "actuator_kv": ("N m s/rad", "N s/m"), FORCE: ("N m", "N"), "payload_mass": ("kg", "kg"),
-    **dict.fromkeys(PLACE, ("m", "m")),
+    "actuator_kp": ("N m/rad", "N/m"), "actuator_kv": ("N m s/rad", "N s/m"), FORCE: ("N m", "N"),
+    "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
 BEGIN = -1000.0
