@@ -1,4 +1,4 @@
-"""The corrected simulator of a diagnosis run on its log again: what it closes there, beside what was predicted of it."""
+"""The corrected simulator of a diagnosis, run again on its log: what it closes there, beside what was predicted."""
 
 from __future__ import annotations
 

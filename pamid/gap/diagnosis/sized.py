@@ -1,7 +1,7 @@
 """Causes whose size the log leaves open down to none: nothing that an interval does not exclude is a finding.
 
-A law may level off where it explains a log, as an inertia does beyond which nothing moves. The factor about the fit then
-looks certain, see `pamid.gap.diagnosis.signs`, while the size reaches from no change to any.
+A law may level off where it explains a log, as an inertia does beyond which nothing moves. The factor about the fit
+then looks certain, see `pamid.gap.diagnosis.signs`, while the size reaches from no change to any.
 """
 
 from __future__ import annotations

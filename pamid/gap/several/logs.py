@@ -10,10 +10,10 @@ from ...bench.parameters import BenchParameters
 from ...signals.frames import logs_as_pandas
 from ...simulators.base import Simulator
 from ..at_ports import diagnose_at_ports
-from ..rerun import tried
 from ..diagnosis.result import Diagnosis
 from ..engine import diagnose_bench
 from ..inference.runs_differ import Border, RunsDifferError
+from ..rerun import tried
 from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
