@@ -44,7 +44,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "sensor_ripple": ("output", PeriodicReading),
     "sensor_saturation": ("output", ReadingRange),
     "backlash": ("link", Play),
-    "spring": ("link", Spring),
+    "spring": ("joint", Spring),
     "encoder_gain": ("encoder", AngleGain),
     "upper_stop": ("joint", UpperStop),
     "lower_stop": ("joint", LowerStop),
