@@ -338,5 +338,5 @@ def test_an_unknown_kind_is_told_with_all_of_them(tmp_path):
     import pamid
 
     (tmp_path / "sim.toml").write_text('kind = "gripper"\n')
-    with pytest.raises(UnknownOptionError, match="bench.*cylinder.*function.*run"):
+    with pytest.raises(UnknownOptionError, match=r"bench.*cylinder.*function.*run"):
         pamid.read_simulator(tmp_path / "sim.toml")
