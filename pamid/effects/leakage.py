@@ -28,8 +28,7 @@ class Leakage(Effect):
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the flow that leaks, kg/s."""
-        there = np.where(s.pressure == 0.0, 1.0, s.pressure)  # nothing leaks from where nothing is
-        psi = flow_function(plant.atmospheric_pressure / there, plant.critical_pressure_ratio)
+        psi = flow_function(plant.atmospheric_pressure / s.pressure, plant.critical_pressure_ratio)
         return FlowTerm(self.conductance * plant.reference_density * s.pressure * psi, 0.0)
 
 
@@ -51,12 +50,11 @@ class PortLeakage(Leakage):
     """Size of one unit of the port, Pa."""
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return what leaks."""
-        a, b = super().flow(s, x, plant)
-        if self.exponent == 1.0:
-            return FlowTerm(a, b)
-        size = np.abs(np.where(s.pressure == 0.0, self.unit_size, s.pressure) / self.unit_size)
-        return FlowTerm(a * size ** (self.exponent - 1.0), b)
+        """Return what leaks: nothing from where nothing is."""
+        there = np.where(s.pressure == 0.0, self.unit_size, s.pressure)
+        a, b = super().flow(s.with_(pressure=there), x, plant)
+        size = 1.0 if self.exponent == 1.0 else np.abs(there / self.unit_size) ** (self.exponent - 1.0)
+        return FlowTerm(a * size * (s.pressure / there), b)
 
 
 class Passage(Effect):
