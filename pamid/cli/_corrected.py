@@ -55,16 +55,11 @@ def write_corrected(d: Diagnosis, stage: Path, folder: Path, log: pd.DataFrame |
 
 def _short(d: Diagnosis, log: pd.DataFrame, simulator: Any) -> dict[str, float]:
     """Return the equations of whose gap a simulator closes less than the report says, with the share that it closes."""
-    from ..gap import evaluate
+    from ..gap.rerun import closes
 
-    found, short = evaluate(log, simulator), {}
-    for c in d.closure:
-        alike = c.equation in found and found[c.equation].unit == c.unit  # rates are not judged by predictions
-        if alike and not c.allowed:  # the report says what else it takes
-            closed = c.closed_by(found[c.equation].rmse)
-            if closed < c.ci90[0] - _ROUNDED:
-                short[c.equation] = closed
-    return short
+    shares = closes(d, log, simulator)
+    said = {c.equation: c.ci90[0] for c in d.closure}
+    return {equation: share for equation, share in shares.items() if share < said[equation] - _ROUNDED}
 
 
 def _told(short: dict[str, float], name: str) -> str:

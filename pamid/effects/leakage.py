@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from ..laws.valve import flow_function
 from ..signals.state import Array
 from .base import Effect, FlowTerm, Signals
@@ -48,9 +50,11 @@ class PortLeakage(Leakage):
     """Size of one unit of the port, Pa."""
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
-        """Return what leaks."""
-        a, b = super().flow(s, x, plant)
-        return FlowTerm(a if self.exponent == 1.0 else a * (s.pressure / self.unit_size) ** (self.exponent - 1.0), b)
+        """Return what leaks: nothing from where nothing is."""
+        there = np.where(s.pressure == 0.0, self.unit_size, s.pressure)
+        a, b = super().flow(s.with_(pressure=there), x, plant)
+        size = 1.0 if self.exponent == 1.0 else np.abs(there / self.unit_size) ** (self.exponent - 1.0)
+        return FlowTerm(a * size * (s.pressure / there), b)
 
 
 class Passage(Effect):

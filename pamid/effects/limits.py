@@ -152,6 +152,28 @@ class ValveAsymmetry(OfCommand):
         return u + (self.asymmetry - part) * np.minimum(u, 0.0) - part * np.maximum(u, 0.0)
 
 
+class ForceLimit(Effect):
+    r"""The force or torque of an actuator saturates: :math:`F' = \max(-F_s, \min(F_s, F))`.
+
+    It acts behind the actuator's own feedback, where a servo that lags its command no longer pulls harder.
+
+    References
+    ----------
+    G. Stein, "Respect the unstable", IEEE Control Systems Magazine 23(4), 2003.
+    https://doi.org/10.1109/MCS.2003.1213600
+    """
+
+    family = "drive"
+    equations = ()
+    source = "10.1109/MCS.2003.1213600"
+    limit = parameter("N", 1e-9, 1e9, 1.0, "largest force of the actuator", idle=True, points=6, symbol="F_s")
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the limit of the force, of which 0 is none: of two limits the tighter one acts."""
+        own = values["value"]
+        return {"value": np.where(own > 0.0, np.minimum(own, self.limit), self.limit)}
+
+
 class SlewRate(OfCommand):
     r"""Largest speed at which a drive, a valve or an amplifier follows its command.
 

@@ -82,13 +82,13 @@ class NonlinearStiffness(Effect):
 
 
 class Spring(Effect):
-    r"""A spring between two ends that are free in the simulator: :math:`f = -k\,(\delta - \delta_0)`."""
+    r"""A spring that the simulator lacks, as of a cable, or between two ends: :math:`f = -k\,(\delta - \delta_0)`."""
 
     family = "elasticity"
     equations = ()
     roles = ("position",)
     source = "10.1007/978-1-4899-7560-7"
-    stiffness = parameter("N", 0.0, 1e6, 100.0, "force per travel", linear=True, position=-1)
+    stiffness = parameter("N", 0.0, 1e6, 100.0, "force per travel", linear=True, essential=True, position=-1)
     preload = parameter("N", -1e4, 1e4, 0.0, "force at zero travel", linear=True)
 
     def force(self, s: Signals, x: Array, plant: Plant) -> Array:

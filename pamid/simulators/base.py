@@ -37,6 +37,15 @@ class Carried(NamedTuple):
     """Size of the whole, m."""
 
 
+class Limited(NamedTuple):
+    """The force of an actuator, which a number of the simulator limits."""
+
+    number: str
+    """Name of that number, which is 0 where there is no limit."""
+    largest: float
+    """Largest force that the actuator has along a motion."""
+
+
 class Simulator(AnySimulator):
     """A model of a system with ports, of any origin.
 
@@ -284,6 +293,7 @@ class Simulator(AnySimulator):
             add(port.name, kind=port.kind, **own)
         none = {name for name, _ in self.joint_inertias().values()}
         none.update(name for load in self.carried().values() for name in load.numbers.values())
+        none.update(self.limits())
         numbers = {n: p for n, p in self.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
         if numbers:
             lines += ["", "[parameters]"]
@@ -369,6 +379,14 @@ class Simulator(AnySimulator):
 
     def carried(self) -> dict[str, Carried]:
         """Return for each body that may carry a payload the numbers of one."""
+        return {}
+
+    def limits(self) -> tuple[str, ...]:
+        """Return the numbers that limit forces of actuators inside the model, 0 where they do not."""
+        return ()
+
+    def limited(self, x: np.ndarray, u: np.ndarray) -> dict[str, Limited]:
+        """Return for each actuator with such a number it and the largest force along states and inputs, by input."""
         return {}
 
     @staticmethod

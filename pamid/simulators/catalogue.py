@@ -11,7 +11,7 @@ from ..effects import Effect, all_effects
 from ..effects.backlash import Play
 from ..effects.gas import PortOverflow
 from ..effects.leakage import PortLeakage
-from ..effects.limits import ReadingRange
+from ..effects.limits import ForceLimit, ReadingRange
 from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, ParameterDriftInRuns, Payload
 from ..effects.readings import AngleGain
 from ..effects.ripples import PeriodicReading
@@ -44,7 +44,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "sensor_ripple": ("output", PeriodicReading),
     "sensor_saturation": ("output", ReadingRange),
     "backlash": ("link", Play),
-    "spring": ("link", Spring),
+    "spring": ("joint", Spring),
     "encoder_gain": ("encoder", AngleGain),
     "upper_stop": ("joint", UpperStop),
     "lower_stop": ("joint", LowerStop),
@@ -56,6 +56,7 @@ OF_PORTS: dict[str, tuple[str, type[Effect]]] = {
     "parameter_drift_in_runs": ("parameter", ParameterDriftInRuns),
     "added_inertia": ("parameter", AddedInertia),
     "payload": ("parameter", Payload),
+    "force_limit": ("parameter", ForceLimit),
 }
 """Effects that act at ports alone, or in another form than on the bench, by name, with the kind of port."""
 

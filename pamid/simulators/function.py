@@ -65,7 +65,7 @@ class FunctionSimulator(Simulator):
     """
 
     kind: ClassVar[str] = "function"
-    kinds: ClassVar[tuple[str, ...]] = ("function", "ode")
+    kinds: ClassVar[tuple[str, ...]] = ("function", *_FORMS)
 
     def __init__(
         self,
@@ -106,7 +106,7 @@ class FunctionSimulator(Simulator):
             ports,
             parameters,
             output=load_function(shown, folder) if shown else None,
-            form=table.get("form", "ode" if kind == "ode" else None),
+            form=table.get("form", kind if kind in _FORMS else None),
             effects=effects,
             source=source,
         )

@@ -13,8 +13,9 @@ import numpy as np
 from ..errors import ParameterError, SimulatorSyntaxError
 from ..face import AnySimulator
 from ..files import named_from, write_whole
-from .base import Carried, Simulator
+from .base import Carried, Limited, Simulator
 from .integrate import STEPS
+from .mujoco_actuators import FED_BACK, FORCE, SERVO, ForceRange, Gain
 from .mujoco_body import PAYLOAD, PLACE, Body, hands
 from .mujoco_commands import gains_last, taken_delays
 from .mujoco_loading import given_state, loaded_model, running
@@ -22,14 +23,14 @@ from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_loops import Loops
 from .mujoco_pieces import KeptPieces
 from .mujoco_versions import write_full_inertia
-from .mujoco_written import CALLBACKS, FED_BACK, NUMBERS, written
+from .mujoco_written import CALLBACKS, NUMBERS, written
 from .ports import ModelParameter, Port, merged
 
 _UNITS = {
     "body_mass": ("kg", "kg"), "dof_damping": ("N m s/rad", "N s/m"), "dof_armature": ("kg m^2", "kg"),
     "dof_frictionloss": ("N m", "N"), "jnt_stiffness": ("N m/rad", "N/m"), "actuator_gear": ("-", "-"),
-    "actuator_kp": ("N m/rad", "N/m"), "actuator_kv": ("N m s/rad", "N s/m"), "payload_mass": ("kg", "kg"),
-    **dict.fromkeys(PLACE, ("m", "m")),
+    "actuator_kp": ("N m/rad", "N/m"), "actuator_kv": ("N m s/rad", "N s/m"), FORCE: ("N m", "N"),
+    "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
 BEGIN = -1000.0
@@ -54,8 +55,8 @@ class MujocoSimulator(Simulator):
         Ports whose columns, units or starts differ from the model's own.
     parameters : mapping, optional
         Numbers of the model with tolerances, named ``body_mass.NAME``, ``dof_damping.NAME``, ``dof_armature.NAME``,
-        ``dof_frictionloss.NAME``, ``jnt_stiffness.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME``
-        and ``actuator_kv.NAME``; a plain number is the value itself, not a factor.
+        ``dof_frictionloss.NAME``, ``jnt_stiffness.NAME``, ``actuator_gear.NAME`` or, of a servo, ``actuator_kp.NAME``,
+        ``actuator_kv.NAME`` and ``actuator_forcerange.NAME``; a plain number is the value itself, not a factor.
     effects : sequence of (str, str, mapping), optional
         Effects that are part of it. Delays of the model's own actuators are effects, too; one that is given at the same
         actuator replaces it.
@@ -111,6 +112,9 @@ class MujocoSimulator(Simulator):
         for kind in PAYLOAD:
             for body in self._hands:
                 given.setdefault(f"{kind}.{body}", ModelParameter(0.0, 0.0, self._unit(f"{kind}.{body}")))
+        for name in self._bearers(FORCE):  # unlimited in the model, but a servo may be too weak
+            own = ForceRange(self._m, list(self._actuators.values()).index(name))[0]
+            given.setdefault(f"{FORCE}.{name}", ModelParameter(own, 0.0, self._unit(f"{FORCE}.{name}")))
         self._bodies: dict[int, Body] = {}
         effects, delayed = list(effects), {where for name, where, _ in effects if name == "actuator_delay"}
         for k, name in enumerate(self._actuators):
@@ -148,7 +152,7 @@ class MujocoSimulator(Simulator):
         """Return the unit of a number of the model."""
         kind, _, of = name.partition(".")
         turning, sliding = _UNITS[kind]
-        if kind in FED_BACK:
+        if kind in SERVO:
             at = list(self._actuators.values()).index(of)
             return turning if _unit_of(self._m, at).startswith("rad") else sliding
         return turning if NUMBERS[kind] == "joint" and self._turns(self._joints.index(of)) else sliding
@@ -167,6 +171,20 @@ class MujocoSimulator(Simulator):
             )
             for body, k in self._hands.items()
         }  # fmt: skip
+
+    def limits(self) -> tuple[str, ...]:
+        """Return the numbers that limit the forces of servos."""
+        return tuple(f"{FORCE}.{name}" for name in self._bearers(FORCE))
+
+    def limited(self, x: np.ndarray, u: np.ndarray) -> dict[str, Limited]:
+        """Return for each servo the number that limits its force, and the largest force along a motion."""
+        numbers = set(self.limits())
+        there = [(k, name, f"{FORCE}.{of}") for k, (name, of) in enumerate(self._actuators.items())]
+        if not numbers or not x.shape[1]:
+            return {}
+        p = np.repeat(self.numbers[:, None], x.shape[1], axis=1)
+        forces = np.abs(self._each(x, u, p, self._m.nu, lambda: self._d.actuator_force))
+        return {name: Limited(number, float(np.nanmax(forces[k]))) for k, name, number in there if number in numbers}
 
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Return the ranges of joints that have stops, and of commands that are limited."""
@@ -198,7 +216,9 @@ class MujocoSimulator(Simulator):
         if NUMBERS[kind] == "body":
             return self._bodies.setdefault(at, Body(self._m, at)), kind
         if kind in FED_BACK:
-            return _Gain(self._m, at), FED_BACK[kind]
+            return Gain(self._m, at), FED_BACK[kind]
+        if kind == FORCE:
+            return ForceRange(self._m, at), 0
         return getattr(self._m, kind), (at, 0) if kind == "actuator_gear" else at
 
     def _bearers(self, kind: str) -> list[str]:
@@ -206,7 +226,7 @@ class MujocoSimulator(Simulator):
         if kind in PAYLOAD:
             return list(self._hands)
         names = _names(self._m, NUMBERS[kind]) if kind in NUMBERS else []
-        return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in FED_BACK else names
+        return [n for k, n in enumerate(names) if _unit_of(self._m, k) != "-"] if kind in SERVO else names
 
     @classmethod
     def from_page(
@@ -439,22 +459,6 @@ class MujocoSimulator(Simulator):
     def own(self, name: str) -> float:
         """Return a parameter's value in the model as it was loaded."""
         return float(self._nominal[list(self.parameters).index(name)])
-
-
-class _Gain:
-    """A servo's gain as an array has it: it acts on what is fed back and, where the command has it too, on that."""
-
-    def __init__(self, m: Any, k: int) -> None:
-        self._m, self._k = m, k
-
-    def __getitem__(self, place: int) -> float:
-        return -float(self._m.actuator_biasprm[self._k, place])
-
-    def __setitem__(self, place: int, value: float) -> None:
-        gain, bias = self._m.actuator_gainprm[self._k], self._m.actuator_biasprm[self._k]
-        if gain[0] == -bias[place]:
-            gain[0] = value
-        bias[place] = -value
 
 
 def _loaded(path: Path) -> Any:

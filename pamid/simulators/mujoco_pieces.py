@@ -67,6 +67,8 @@ class Pieces:
         self._gain = gain[:, :1] + affine * (gain[:, 1:2] * length + gain[:, 2:3] * speed)
         self._bias = biased * (bias[:, :1] + bias[:, 1:2] * length + bias[:, 2:3] * speed)
         self._clamps = not m.opt.disableflags & int(mj.mjtDisableBit.mjDSBL_CLAMPCTRL)
+        # The model is lent: by the next call it may have other limits.
+        self._limits = m.actuator_forcelimited.copy(), m.actuator_forcerange.copy()
         self._force = self._forces(u)
         self.agrees = self._agrees(u)
 
@@ -119,7 +121,7 @@ class Pieces:
         ctrl = u[:nu]
         if self._clamps:
             ctrl = _clipped(ctrl, m.actuator_ctrllimited, m.actuator_ctrlrange)
-        force = _clipped(self._gain * ctrl + self._bias, m.actuator_forcelimited, m.actuator_forcerange)
+        force = _clipped(self._gain * ctrl + self._bias, *self._limits)
         at_joints = np.zeros((m.nv, u.shape[1]))
         for k, j in self._drives:
             at_joints[j] += force[k] * self._moment[k, j]

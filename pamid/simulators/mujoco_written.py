@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from .mujoco_actuators import FED_BACK, FORCE, put_force_range, put_gain
 from .mujoco_body import PAYLOAD
 from .mujoco_commands import gains_last, put_delay, put_range
 from .mujoco_free import spec_with_joints
@@ -35,11 +36,9 @@ def load():
 NUMBERS = {
     "body_mass": "body", "dof_damping": "joint", "dof_armature": "joint", "dof_frictionloss": "joint",
     "jnt_stiffness": "joint", "actuator_gear": "actuator", "actuator_kp": "actuator", "actuator_kv": "actuator",
-    **dict.fromkeys(PAYLOAD, "body"),
+    FORCE: "actuator", **dict.fromkeys(PAYLOAD, "body"),
 }  # fmt: skip
 """What has a number of each kind."""
-FED_BACK = {"actuator_kp": 1, "actuator_kv": 2}
-"""Place of a servo's gains among the parameters of its bias."""
 Found = tuple[str, str, dict[str, float]]
 
 
@@ -54,7 +53,9 @@ def written(simulator: Any, actuators: Mapping[str, str]) -> tuple[str, list[Fou
         if kind == "body_mass":
             _scale_mass(item, m, parameter.value / shown.own(name))
         elif kind in FED_BACK:
-            _put_gain(item, FED_BACK[kind], parameter.value)
+            put_gain(item, FED_BACK[kind], parameter.value)
+        elif kind == FORCE:
+            put_force_range(item, m, list(actuators.values()).index(thing))
         else:
             _put(item, kind.partition("_")[2], parameter.value)
     for body, load in simulator.carried().items():
@@ -89,15 +90,6 @@ def _put_command(actuator: Any, mine: Sequence[Found], m: Any, k: int, gain: flo
     if limits and put_range(actuator, min(e[2]["limit"] for e in limits), m, k, gain):
         put += limits
     return put
-
-
-def _put_gain(actuator: Any, place: int, value: float) -> None:
-    """Write a servo's gain into the actuator of a model as it is written."""
-    gain, bias = np.array(actuator.gainprm, dtype=float), np.array(actuator.biasprm, dtype=float)
-    if gain[0] == -bias[place]:
-        gain[0] = value
-    bias[place] = -value
-    actuator.gainprm, actuator.biasprm = gain, bias
 
 
 def _scale_mass(body: Any, m: Any, ratio: float) -> None:

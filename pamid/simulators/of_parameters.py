@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from ..effects.limits import ForceLimit
 from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, ParameterDriftInRuns, Payload
-from .base import Carried, Simulator
+from .base import Carried, Limited, Simulator
 from .placement import Placement, Scales
 from .sizes import SignalSizes
 
 MOST_PAYLOAD = 10.0
 """Heaviest payload, in masses of the whole."""
-FIXED = (ParameterDeviation, AddedInertia, Payload)
+LEAST_LIMIT = 0.01
+"""Least limit of an actuator's force, as a share of the largest force that it has without one."""
+FIXED = (ParameterDeviation, AddedInertia, Payload, ForceLimit)
 """Those that change numbers by a constant amount along a log."""
 
 
@@ -35,10 +38,22 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
             place = Scales(target=size)
             found.append(Placement(key, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units))
+    for name, limited in survey.limited.items():
+        if simulator.get(limited.number) == 0.0 and limited.largest > 0.0:
+            found.append(_force_limit(simulator, name, limited))
     for body, load in simulator.carried().items():
         if simulator.get(load.numbers["value"]) == 0.0:
             found.append(_payload(body, load))
     return found
+
+
+def _force_limit(simulator: Simulator, name: str, limited: Limited) -> Placement:
+    """Return the limit of an actuator's force, sought below the largest one that it has on the log."""
+    [limit], unit = ForceLimit.parameters, simulator.parameters[limited.number].unit
+    top, least = limited.largest, LEAST_LIMIT * limited.largest
+    effect = ForceLimit.narrowed(parameters=[replace(limit, lower=least, upper=top, nominal=(top * least) ** 0.5)])
+    key, units = f"force_limit@{name}", {"limit": unit}
+    return Placement(key, "force_limit", name, effect, "parameter", limited.number, {}, Scales(), {}, units)
 
 
 def _payload(body: str, load: Carried) -> Placement:

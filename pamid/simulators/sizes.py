@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import NamedTuple
 
+from .base import Limited
 from .links import Link
 from .structure import JointPort
 
@@ -46,6 +47,9 @@ class SignalSizes(NamedTuple):
     links: Sequence[Link] = ()
     """Pairs of ports between which effects can act, whose differences have ranges in `spans`."""
 
+    limited: Mapping[str, Limited] = MappingProxyType({})
+    """The actuators whose forces a number may limit, by input, with the largest force along the log."""
+
     @property
     def time(self) -> float:
         """Scale of one second of the log, s."""
@@ -80,6 +84,7 @@ class SignalSizes(NamedTuple):
             readings=list(dict.fromkeys(n for s in each for n in s.readings)),
             ends={k: v for s in reversed(each) for k, v in s.ends.items()},
             one_sided={k: v for s in reversed(each) for k, v in s.one_sided.items()},
+            limited={k: max(s.limited[k] for s in each if k in s.limited) for s in each for k in s.limited},
         )
 
     def turns(self, name: str) -> bool:

@@ -11,6 +11,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from ..names import REMOVE, refuse_others
+from ..simulators.page import simulator_kinds
 from ..toml_files import read_toml
 from .base import System
 
@@ -60,8 +61,11 @@ def read_system(path: str | Path) -> System:
     raw = read_toml(path, "a simulator file", ERRORS)
     kind, known = raw.get("kind"), all_systems()
     if kind not in known:
+        ported = ", ".join(simulator_kinds())
         raise UnknownOptionError(
-            f"{path} is of the kind {kind!r}.", f"one of bench, {', '.join(known)}", "Correct kind in the file."
+            f"{path} is of the kind {kind!r}.",
+            f"a system: bench, {', '.join(known)}; or a simulator with ports: {ported}",
+            "Correct kind in the file, and the name of its table.",
         )
     named = ("kind", kind, "effects", "tolerance")
     refuse_others(raw, named, f"{path} has", f"kind, [{kind}], [tolerance] and [[effects]]", REMOVE, spelt=repr)

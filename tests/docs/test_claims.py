@@ -151,10 +151,12 @@ def test_pages_say_what_the_code_does(claims) -> None:
 
 
 def test_security_says_what_each_kind_of_simulator_may_do() -> None:
+    from pamid.simulators import FunctionSimulator
     from pamid.simulators.page import simulator_kinds
     from pamid.systems.registry import all_systems
 
-    words = {"control": "python-control", "ode": "function", "fmu": "FMU", "mujoco": "MuJoCo"}
+    words = {"control": "python-control", "fmu": "FMU", "mujoco": "MuJoCo"}
+    words |= dict.fromkeys(FunctionSimulator.kinds, "function")
     runs = {"bench": False, **dict.fromkeys(all_systems(), False)}
     runs |= {words.get(kind, kind): cls.executes for kind, cls in simulator_kinds().items()}
     text = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")

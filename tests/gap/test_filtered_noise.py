@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.inference.worth import Worth
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.residuals.states import measured_states
 from pamid.simulators import EquationSimulator, ModelParameter, Port
@@ -73,3 +74,34 @@ def test_residuals_are_filtered_as_their_noise_is():
     assert np.std(filtered[one]) < 0.8 * np.std(z[one])
     assert np.allclose(filtered[two], z[two], atol=0.05)
     assert evidence.filtered({"sensor_gain@h1": {"deviation": 0.1}}, z) is None
+
+
+def test_noise_of_several_readings_is_not_made_quieter_by_one_of_them():
+    rng, dt, rows = np.random.default_rng(2), 0.05, 1200
+    time = dt * np.arange(rows)
+    u = np.sin(time)
+    x = 0.5 * (np.sin(time) - np.cos(time))
+    noisy = np.array([x, x]) + 1e-3 * rng.standard_normal((2, rows))
+    log = pd.DataFrame({"trajectory": "1", "time": time, "u": u, "x": noisy[0], "y": noisy[1]})
+    ports = [Port("u", "input", "1/s"), Port("x", "state", "-"), Port("y", "state", "-")]
+    chain = EquationSimulator({"dx/dt": "u - x", "dy/dt": "20*(x - y)"}, ports, {})
+    log = port_log(log, chain)
+    evidence = DirectEvidence(log, chain, measured_states(chain, log), refit=False)
+    spec = {"sensor_delay@x": {"delay": 0.1}}
+    drawn, changed = evidence._noisier(spec)
+    part = evidence.parts[1]  # holds the noise of both readings, of which one is late
+    assert np.std(evidence.filtered(spec, drawn)[part]) == pytest.approx(np.std(changed[part]), rel=0.01)
+
+
+def test_below_widened_noise_is_no_gain(monkeypatch):
+    """What a set pays to have its noise widened is not charged a second time as residuals that are too small."""
+    log = port_log(resonant(frequency=9.0), SLOW)
+    evidence = DirectEvidence(log, SLOW, measured_states(SLOW, log), refit=False)
+    worth = Worth(evidence)
+    fit = worth.fitter.refine({"sensor_compliance@x": {"frequency": 9.0, "damping": 0.15}})
+    charged, usual = [], evidence.widening(fit.spec)
+    monkeypatch.setattr(worth, "_below_noise", lambda left: charged.append(left) or 0.0)
+    worth.hypothesis(fit)
+    monkeypatch.setattr(type(evidence), "widening", lambda self, spec: 1.2 * usual)
+    worth.hypothesis(fit)
+    assert charged[1] == pytest.approx(charged[0], rel=0.02)

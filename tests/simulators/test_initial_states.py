@@ -12,7 +12,6 @@ from scipy.integrate import solve_ivp
 from pamid.gap import diagnose_simulator
 from pamid.gap.inference.gauss_newton import Fitter
 from pamid.gap.residuals.shooting import ShootingEvidence
-from pamid.gap.residuals.stretches import Segment
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import port_log
@@ -195,17 +194,3 @@ def test_runs_of_an_unstable_system_stay_whole_where_its_response_is_linear() ->
     log = pd.DataFrame({"trajectory": "0", "time": t, "T": 0.0 * t, "q": q, "w": 2.0 * q})
     log[["q", "w"]] += 0.1 * rng.standard_normal((200, 2))
     assert len(ShootingEvidence(port_log(log, unstable), unstable).stretches) == 1
-
-
-def test_a_sensor_begins_anew_with_each_stretch_however_long_the_others_are() -> None:
-    evidence = ShootingEvidence(
-        port_log(spring_log(400.0, 2.0, 2, False, 300), simulator := spring(400.0, 2.0)), simulator
-    )
-    evidence.stretches = [Segment(0, 40), Segment(40, 300), Segment(300, 600)]
-    active = evidence.active({"sensor_lag@x": {"time_constant": 0.05, "second": 0.0}})
-    rows = np.random.default_rng(0).standard_normal((1, 600))
-    whole = evidence._read(active, rows.copy(), ["x"])
-    [(place, made)] = active
-    for s in evidence.stretches:
-        alone = place.reading(made, rows[0, s.first : s.stop], evidence.log.dt, np.array([0]))
-        assert np.allclose(whole[0, s.first : s.stop], alone)

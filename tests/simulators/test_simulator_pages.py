@@ -13,7 +13,7 @@ import pandas as pd
 import pytest
 
 from pamid.cli import main
-from pamid.errors import ForeignSimulatorError, PamidError, SimulatorSyntaxError, UntrustedCodeError
+from pamid.errors import ForeignSimulatorError, PamidError, SimulatorSyntaxError, UnknownOptionError, UntrustedCodeError
 from pamid.simulators import ControlSimulator, FmuSimulator, MujocoSimulator, page_text, read_simulator
 from pamid.simulators.fmu_worker import receive, send
 
@@ -119,7 +119,7 @@ def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.Cap
 @pytest.mark.parametrize(
     ("page", "what"),
     [
-        ('kind = "sofa"', "one of control"),
+        ('kind = "sofa"', "one of algebraic, control"),
         ('kind = "ode"\n[ode]\nfunction = 3', "a text"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = 3', "a table"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = { kind = "input", colour = "red" }', "colour"),
@@ -315,3 +315,28 @@ def test_init_of_an_fmu_takes_units_from_headers_and_says_what_must_be_trusted(
     options = ["--columns", str(out / "columns.toml"), "--sim", str(out / "sim.toml")]
     assert main(["check", str(log), *options]) == 0
     assert "--trust --out diagnosis" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("kind", "code"),
+    [
+        ("run", "def f(u, p, x0):\n    return 2.0 * u['F']\n"),
+        ("algebraic", "def f(u, p):\n    return 2.0 * u['F']\n"),
+    ],
+)
+def test_the_form_of_a_function_may_name_its_kind(tmp_path, kind, code):
+    (tmp_path / "f.py").write_text(code)
+    ports = '[ports]\nF = { kind = "input", unit = "N" }\nx = { kind = "output", unit = "m" }\n'
+    (tmp_path / "sim.toml").write_text(f'kind = "{kind}"\n[{kind}]\nfunction = "f.py:f"\n{ports}')
+    found = read_simulator(tmp_path / "sim.toml", trust=True)
+    assert found.form == kind
+    (tmp_path / "again.toml").write_text(page_text(found, tmp_path))
+    assert read_simulator(tmp_path / "again.toml", trust=True).form == kind
+
+
+def test_an_unknown_kind_is_told_with_all_of_them(tmp_path):
+    import pamid
+
+    (tmp_path / "sim.toml").write_text('kind = "gripper"\n')
+    with pytest.raises(UnknownOptionError, match=r"bench.*cylinder.*function.*run"):
+        pamid.read_simulator(tmp_path / "sim.toml")

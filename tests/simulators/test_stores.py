@@ -4,6 +4,8 @@ import numpy as np
 import pandas as pd
 
 import pamid
+from pamid.effects import Signals
+from pamid.effects.leakage import PortLeakage
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, FunctionSimulator, Port
 
@@ -163,3 +165,14 @@ def test_a_worn_seal_of_a_gas_cylinder_leaks_from_chamber_to_chamber():
     found = cause.parameters["conductance"]
     assert (cause.effects[0], cause.where, found.unit) == ("leakage", ("P1 and P2",), "m^3/s")
     assert abs(found.value - 4e-6) < 4e-7
+
+
+def test_nothing_leaks_from_a_store_at_exactly_zero():
+    """Readings in coarse steps are often zero."""
+    places = evidence_of(buck_log(0.0), BUCK).placements
+    gap = places["leakage@i"]
+    flow = gap.effect(conductance=1e-9).flow(gap.signals({"i": np.array([-0.5, 0.0, 0.5])}), np.zeros(0), gap.plant)
+    assert flow.a[1] == 0.0 and flow.a[0] == -flow.a[2] < 0.0
+    hole = PortLeakage(conductance=1e-9, exponent=0.5)
+    flow = hole.flow(Signals(pressure=np.array([-0.25, 0.0, 0.25])), np.zeros(0), gap.plant)
+    assert flow.a[1] == 0.0 and flow.a[0] == -flow.a[2] < 0.0

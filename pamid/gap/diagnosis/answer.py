@@ -25,6 +25,7 @@ from .remainder import leftover, remainder
 from .result import Diagnosis
 from .rivals import rivals_of
 from .signs import worst
+from .sized import sized
 
 SHORT = "The diagnosis was interrupted: its sizes were fitted to the part of the log that was searched."
 """What a diagnosis notes whose causes were not fitted to all rows."""
@@ -54,9 +55,11 @@ def answer(
     base = fitter.unwhitened(base)
     fit = fit if verdict.named else base
     before = after = held_out = evidence.raw(base.z)
-    clusters = None
+    clusters, parameters = None, dict[str, dict[str, ParameterEstimate]]()
     if verdict.named:
         clusters = Clusters(fitter, fit)
+        parameters = clusters.parameters()
+        verdict.trust = sized(verdict.trust, clusters, parameters)
         after, held_out = evidence.raw(clusters.z), evidence.raw(clusters.held_out())
     gap = before - after if verdict.named else before
     power = np.square(gap) if verdict.named else np.maximum(np.square(before) - 1.0, 0.0)
@@ -65,7 +68,7 @@ def answer(
     equations = _equations(evidence, before, after, verdict)
     alike, not_named = verdict.kind == "family", verdict.kind in ("family", "unknown")
     main = [e.equation for e in equations if e.share > MATERIAL] or [e.equation for e in equations[:1]]
-    causes = _causes(fitter, verdict, clusters, closure) if clusters is not None else []
+    causes = _causes(fitter, verdict, clusters, parameters, closure) if clusters is not None else []
     experiment, nominal, corrected = None, None, None
     if isinstance(evidence, Evidence):
         if not short:
@@ -202,9 +205,14 @@ def _unexplained(
     return [name for name in material if _beyond(after[parts[name]]) > max(0.5 * was[name], least)]
 
 
-def _causes(fitter: Fitter, verdict: Verdict, clusters: Clusters, closure: list[Closure]) -> list[Cause]:
+def _causes(
+    fitter: Fitter,
+    verdict: Verdict,
+    clusters: Clusters,
+    parameters: Mapping[str, dict[str, ParameterEstimate]],
+    closure: list[Closure],
+) -> list[Cause]:
     evidence, fit, part_of = fitter.evidence, clusters.fit, verdict.part_of
-    parameters = clusters.parameters()
     whole = evidence.z(fit.spec)
     by_equation = {c.equation: c for c in closure}
     found = []

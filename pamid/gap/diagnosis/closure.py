@@ -61,6 +61,11 @@ class Clusters:
         step[moving] = np.linalg.lstsq(C + 1e-10 * np.eye(len(C)), g[moving] / size, rcond=None)[0] / size
         return step
 
+    @property
+    def knows_scatter(self) -> bool:
+        """Whether there are enough runs, or pieces of them, for intervals of parameters."""
+        return len(self.H) > 2
+
     def held_out(self) -> np.ndarray:
         """Return residuals of every run under the fit of all others, in units of the noise.
 
@@ -127,7 +132,7 @@ class Clusters:
 
         n, m = len(self.H), self.evidence.J.shape[1]
         total_H, total_g = self.H.sum(axis=0) + self.prior, self.g.sum(axis=0) + self.pull
-        if n > 2:
+        if self.knows_scatter:
             # This includes how far one at a bound could be from it.
             moving = np.concatenate([self.moving[:m], np.ones(len(self.slots), dtype=bool)])
             pairs = zip(self.H, self.g, strict=True)

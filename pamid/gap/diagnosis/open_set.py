@@ -19,7 +19,8 @@ whole gap, where these equations show none beyond the noise. With this share c t
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
 
 and always with reserve where they explain less than a twentieth of the gap in their equation, or where the causes
-beside them undo most of what they change, or most of it in some equation.
+beside them undo most of what they change, or most of it in some equation. A cause of whatever probability is named with
+reserve where the interval of its size includes that it is none.
 
 References
 ----------
@@ -49,6 +50,8 @@ class Trust:
     """Its signs, see `signs_of`."""
     of_its_own: bool = True
     """Whether it is too large to compensate for the causes beside it, and these do not undo most of it."""
+    sized: bool = True
+    """Whether the interval of its size excludes that it is none, see `pamid.gap.diagnosis.sized`."""
 
     @property
     def named(self) -> bool:
@@ -73,7 +76,7 @@ class Trust:
     @property
     def sure(self) -> bool:
         """Whether it is enough to report it without reserve."""
-        return self.of_its_own and self.probability >= SURE
+        return self.of_its_own and self.sized and self.probability >= SURE
 
 
 def trust(

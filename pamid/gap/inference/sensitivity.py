@@ -153,7 +153,7 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
     """Return the grid of a nonlinear parameter."""
     if p.before or p.skew or p.refines:  # an exact fit starts from there
         return [p.nominal]
-    if p.idle or p.idle_below:  # what counts is how far within
+    if (p.idle or p.idle_below) and not p.points:  # what counts is how far within
         end, inward = (p.lower, 1.0) if p.idle_below else (p.upper, -1.0)
         within = np.geomspace(abs(end - p.nominal) / _REACH, p.upper - p.lower, POINTS[1])
         return np.clip(end + inward * within, p.lower, p.upper).tolist()

@@ -29,7 +29,7 @@ class Worth:
         z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
         plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening, J=J)
-        best, width = plain, None
+        best, width, wider = plain, None, widening
         value = plain.loglik
         if fit.spec:
             columns = self.discrepancy.columns(fit)
@@ -44,19 +44,24 @@ class Worth:
                 scaled = columns / np.broadcast_to(total, len(z))[:, None]
                 loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
                 if loose > value:
-                    best, width, value = s, trial, loose
+                    best, width, wider, value = s, trial, both, loose
         weights = window_weights(best, evidence.parts, self.fitter.weights)
         if width is not None:
             weights = weights / np.square(width)
         score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
-        left = np.array([scale(best.z[part], 0.0) for part in evidence.parts])
+        left = self._scales(best.z)
         filters = any(evidence.effects[name].filters_readings() for name in fit.spec)
         if spread is not None and not evidence.exact and filters:
-            score -= self._below_noise(left)
+            # What widens the noise of a window has its price already: to be below that is no gain.
+            score -= self._below_noise(left if wider is None else self._scales(best.z * wider))
         filtered = evidence.filtered(fit.spec, self.base.z) if fit.spec else None
         if filtered is not None:
             score -= self._by_filtering(filtered if spread is None else filtered / spread)
         return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
+
+    def _scales(self, z: np.ndarray) -> np.ndarray:
+        """Return the scale of residuals in each equation, which may be less than 1."""
+        return np.array([scale(z[part], 0.0) for part in self.evidence.parts])
 
     def _below_noise(self, left: np.ndarray) -> float:
         """Return the gain in nats of residuals below their noise: undoing a fault filters the noise, too."""

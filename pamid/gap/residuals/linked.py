@@ -49,7 +49,9 @@ class Paths(ABC):
         self.links = links_of(simulator, self.joints, levers, self.log.t[some], x, u)
         survey = self._survey(gaps)
         spans = {name: float(np.ptp(self.path_of(name))) for link in self.links for name in link.sources}
-        return survey._replace(spans={**survey.spans, **spans}, links=self.links)
+        every = [np.array([signals[n] for n in some_of]) for some_of in names] if whole and len(x) else None
+        limited = simulator.limited(*every) if every else {}
+        return survey._replace(spans={**survey.spans, **spans}, links=self.links, limited=limited)
 
     def driven(self) -> dict[str, np.ndarray]:
         """Return the inputs that the log holds."""

@@ -15,7 +15,7 @@ from ...simulators.base import Simulator
 from ...simulators.integrate import MOST, Runner, side_by_side
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
-from .between_rows import drawn, passed_on
+from .between_rows import drawn, passed_on, read_between
 from .protocol import Active
 from .response import Drive, Response
 from .states import integral
@@ -53,6 +53,8 @@ class PredictedEvidence(StretchEvidence):
         self._responses: Remembered[Response] = Remembered(MOST_RESPONSES)
         self._along: dict[tuple[str, ...], np.ndarray] = {}
         """The latest states along the log, by the kind of change."""
+        self._begins = np.zeros((0, 0, 0))
+        """Sensitivities of predictions to initial states, shape (n_states, n_shown, n)."""
         self._done: dict[bytes, list[tuple[list[np.ndarray], np.ndarray]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
@@ -64,12 +66,18 @@ class PredictedEvidence(StretchEvidence):
     ) -> np.ndarray:
         """Return the predicted channels, shape (n_shown, n)."""
         shown = self.shown if shown is None else shown
-        drive = self._drive(active, numbers)
+        return self._read(active, self._unread(x0, active, numbers, shown), shown)
+
+    def _unread(
+        self, x0: np.ndarray, active: Active, numbers: np.ndarray, shown: Sequence[str] | None = None
+    ) -> np.ndarray:
+        """Return the same without the faults of sensors."""
+        shown, drive = self.shown if shown is None else shown, self._drive(active, numbers)
         if self.simulator.form == "run":
             states, outputs = self._none, self._ran(x0, drive.u, drive.p)
         else:
             states, outputs = self._simulate(x0, drive.u, drive.p, drive.acting)
-        return self._read(active, self._shown(states, outputs, shown), shown)
+        return self._shown(states, outputs, shown)
 
     @property
     def _none(self) -> np.ndarray:
@@ -94,7 +102,7 @@ class PredictedEvidence(StretchEvidence):
         """Return channels as faulty sensors read them, in place."""
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                rows[k] = place.reading(made, rows[k], self.log.dt, self._firsts)
+                rows[k] = read_between(place, made, rows[k], self.log.dt, self._firsts)
         return rows
 
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
@@ -357,12 +365,34 @@ class PredictedEvidence(StretchEvidence):
             return super()._slopes(x0, numbers)
         base = self._drive(active or [], self.simulator.numbers if numbers is None else numbers)
         states, outputs = self._simulate(x0, base.u, base.p, base.acting)
-        response, before = self._response(x0, base, states), self._fold(self._shown(states, outputs, self.shown))
-        found = []
+        response = self._response(x0, base, states)
+
+        def read(rows: np.ndarray) -> np.ndarray:
+            return self._fold(self._read(active or [], rows, self.shown))
+
+        before, found = read(self._shown(states, outputs, self.shown)), []
         for k, row in enumerate(x0):
             h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
-            found.append((self._fold(self._shown_near(states + h * response.of_start(k), base)) - before) / h)
+            found.append((read(self._shown_near(states + h * response.of_start(k), base)) - before) / h)
         return np.stack(found) / self._scale
+
+    def _as_read(self, x0: np.ndarray, active: Active, numbers: np.ndarray) -> np.ndarray | None:
+        """Return the sensitivities to initial states as sensors with memory read them; None without such sensors.
+
+        A lag holds what an initial state does for longer than the motion.
+        """
+        if self.simulator.form != "ode" or not len(x0) or not self._late(active):
+            return None
+        rows, found = self._unread(x0, active, numbers), []
+        before = self._read(active, rows.copy(), self.shown)
+        for row, slope in zip(x0, self._begins, strict=True):
+            h = 1e-4 * (float(np.max(np.abs(row))) or 1.0)
+            found.append((self._read(active, rows + h * slope * self._scale, self.shown) - before) / h)
+        return np.stack(found) / self._scale
+
+    def _late(self, active: Active) -> Active:
+        """Return the sensors with memory that change what is shown."""
+        return [(place, made) for place, made in active if made.n_states and set(place.readings) & set(self.shown)]
 
     def _slopes_of_numbers(self, x0: np.ndarray, d: np.ndarray) -> np.ndarray:
         """Return the sensitivities of predictions to tolerances, in noise, shape (n_free, n_shown, n)."""

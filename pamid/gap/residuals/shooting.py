@@ -23,6 +23,7 @@ import numpy as np
 
 from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
+from ...remembered import Remembered
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
 from ...simulators.integrate import side_by_side, substeps_for
@@ -32,14 +33,16 @@ from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pair
 from ..settings import DECIDED, EXCESS
 from .between_rows import STEPS, needed, timings
 from .influence import Influence
+from .late_jumps import LateJumps
 from .port_windows import PortWindows
-from .predictions import MOST_RUNS, PredictedEvidence, named
+from .predictions import MOST_RUNS, named
 from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, StretchEvidence
 from .tolerances import SMALL, rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
+from .window_noise import REPLICATES
 
 UNSURE = 4.0
 """Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
@@ -53,7 +56,7 @@ class Begun(NamedTuple):
     """How they act on the windows there."""
 
 
-class ShootingEvidence(PredictedEvidence):
+class ShootingEvidence(LateJumps):
     """Residuals of predictions over stretches of a log."""
 
     simulates = True
@@ -72,6 +75,7 @@ class ShootingEvidence(PredictedEvidence):
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
         self.saturated = {n: end for n, end in found.items() if end is not None}
         self._from: dict[int, Begun] = {}
+        self._growths, self._jumped = Remembered(MOST_RUNS), Remembered(REPLICATES)
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._slow_down()
         self._lay()
@@ -153,7 +157,7 @@ class ShootingEvidence(PredictedEvidence):
     def _again(self) -> None:
         """Clear caches of the simulator with other parameters."""
         self._x0 = self._unless_apart(*self._fitted_from(self._x0))
-        for kept in (self._moved, self._done, self._from, self._last, self._responses):
+        for kept in (self._moved, self._done, self._from, self._last, self._responses, self._jumped, self._growths):
             kept.clear()
         self._blocks()
 
@@ -175,7 +179,8 @@ class ShootingEvidence(PredictedEvidence):
         ]
         self._plain = self._predict(self._x0, [], self.simulator.numbers)
         self._usual = float(np.sum(self._squares(self._left(self.log.channels, self._plain))))
-        self._O = self._influence(self._slopes(self._x0))
+        self._begins = self._slopes(self._x0)
+        self._O = self._influence(self._begins)
 
     def _skew(self) -> None:
         """Allow inputs to act up to half a sample early or late, and steps of an integrator, within tolerances."""
@@ -193,12 +198,6 @@ class ShootingEvidence(PredictedEvidence):
             near = self._near(self._x0, base, Drive(u, base.p, active, self.lines))
             found[name] = self._compared(active, active, map(self._fold, near))
         return found
-
-    def _under_inputs(self, u: np.ndarray) -> np.ndarray:
-        """Return the change of the residuals under other inputs, to first order."""
-        base = self._drive(self._own, self.simulator.numbers)
-        near = self._near(self._x0, base, Drive(base.u + u - self._u, base.p, self._own, self.lines))
-        return self._compared(self._own, self._own, map(self._fold, near))
 
     def _passes_on(self, active: Active) -> tuple[Active, set[str]]:
         on, inputs = super()._passes_on(active)
@@ -244,7 +243,8 @@ class ShootingEvidence(PredictedEvidence):
         self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray
     ) -> tuple[Begun, np.ndarray]:
         """Return the initial states that fit best under a change, and what they leave."""
-        influence = self._O
+        read = self._as_read(x0, active, numbers)
+        influence = self._O if read is None else self._influence(read)
         for done in range(ROUNDS):
             shift = self._explained(left, influence)
             # Changes that fit worse than none need no exact start.

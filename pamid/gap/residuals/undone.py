@@ -203,8 +203,11 @@ class UndoneEvidence(PortEvidence, ABC):
         drawn, changed = self._noisier(faults)
         out = np.array(z, dtype=float)
         for part in self.parts:
-            taps = np.linalg.lstsq(_neighbours(drawn[part]), changed[part], rcond=1e-9)[0]
-            out[part] = _neighbours(out[part]) @ taps
+            near = _neighbours(drawn[part])
+            taps = np.linalg.lstsq(near, changed[part], rcond=1e-9)[0]
+            # Noise of several readings is filtered by no one filter: what that misses is not made quieter.
+            size = rms(near @ taps)
+            out[part] = _neighbours(out[part]) @ taps * (rms(changed[part]) / size if size > 0.0 else 1.0)
         return out
 
     def scales_noise(self, spec: Spec) -> bool:

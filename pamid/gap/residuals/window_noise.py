@@ -72,6 +72,8 @@ class WindowNoise(ABC):
     exact_inputs = False
     """Whether residuals are too small for that noise."""
     _unresolved: np.ndarray | float = 0.0
+    _opened: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = ()
+    """Jumps at unknown instants, how far rows may be off, and what noise this makes of each window."""
     _whitening: Whitening
 
     @abstractmethod
@@ -225,11 +227,13 @@ class WindowNoise(ABC):
             cost = sum(w * np.sum(louder[p]) for w, p in zip(self.weights, self.parts, strict=True))
             if self.without_causes().loglik - cost <= before.loglik + LEAST_GAIN:
                 self._leave_open(least)
+                self._opened = self._opened[:-1]
         if self._unresolved is not known:
             self.notes.append(NOTE)
 
     def _open_instants(self, jump: np.ndarray, off: np.ndarray) -> None:
         more = unknown_instants(jump, off, lambda change: self._under_inputs(self._u + change), REPLICATES)
+        self._opened = [*self._opened, (jump, off, more)]
         self._leave_open(np.hypot(self._unresolved, more))
 
     def _leave_open(self, unresolved: np.ndarray | float) -> None:

@@ -13,6 +13,7 @@ from ..at_ports import diagnose_at_ports
 from ..diagnosis.result import Diagnosis
 from ..engine import diagnose_bench
 from ..inference.runs_differ import Border, RunsDifferError
+from ..rerun import tried
 from .conditions import Conditions
 from .engine import diagnose_bench_logs
 from .ports import diagnose_port_logs
@@ -156,7 +157,7 @@ def diagnosed(
         if isinstance(given, Mapping):
             return diagnose_port_logs(given, simulator, effects, conditions, seed, say), {}
         try:
-            return diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), {}
+            return tried(diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), given), {}
         except RunsDifferError as differ:
             runs, within = runs_of(given), differ.border.time is not None
             parts = parted(runs, differ.border)
@@ -164,11 +165,11 @@ def diagnosed(
         say(note)
         found = diagnose_port_logs(parts, simulator, effects, conditions, seed, say)
         if within and not found.changes:
-            return diagnose_at_ports(given, simulator, effects, seed, say), {}
+            return tried(diagnose_at_ports(given, simulator, effects, seed, say), given), {}
         return replace(found, notes=[*found.notes, note]), parts
     if isinstance(given, Mapping):
         return diagnose_bench_logs(given, simulator, effects, conditions, seed, say), {}
-    return diagnose_bench(given, simulator, effects, seed, say), {}
+    return tried(diagnose_bench(given, simulator, effects, seed, say), given), {}
 
 
 diagnose_simulator = diagnose
