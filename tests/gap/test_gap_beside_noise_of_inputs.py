@@ -57,6 +57,11 @@ def test_noise_of_an_input_counts_where_there_is_no_gap_beside_it():
     assert evidence.by_inputs < 1.0  # over longer stretches the noise lasts as an effect does
 
 
+def test_inputs_that_look_noisy_and_are_exact_leave_whole_runs():
+    evidence = evidence_of(logged(0.0, commanded=True), DRIVE, refit=True)
+    assert not evidence.hears_inputs and "whole runs" in evidence.how
+
+
 def test_its_cause_is_named():
     found = diagnose(logged(0.3, commanded=True), DRIVE)
     assert [c.effects[0] for c in found.added] == ["coulomb_friction"], str(found)

@@ -45,14 +45,17 @@ def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
     Inputs that look noisy may be exact, too, as a controller's are: then residuals are smaller than that noise.
     """
     shorter, simulator = found, found.simulator
-    shows = found if found.beyond_inputs else None
     if simulator.form != "ode" or simulator.one_by_one:  # which would take too long
         return found
+    shows, exact = found if found.beyond_inputs else None, False
     length = max(s.stop - s.first for s in found.stretches)
-    while shorter.by_inputs > 1.0 and not shorter.exact_inputs and (length := length // 2) >= SHORTEST:
+    while shorter.by_inputs > 1.0:
+        exact = shorter.exact_inputs  # the shorter the stretches, the better their noise is known
+        if (length := length // 2) < SHORTEST:
+            break
         shorter = ShootingEvidence(found.log, found.given, refit=found.refit, lines=found.lines, longest=length)
         shows = shorter if shorter.beyond_inputs else shows
-    return found if shorter.exact_inputs else shows or shorter
+    return found if exact else shows or shorter
 
 
 def sensor_ends(found: DirectEvidence) -> bool:
