@@ -26,6 +26,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from .base import Simulator
+from .elementwise import elementwise
 from .ports import ModelParameter, Port, Values
 
 _FORMS = ("ode", "algebraic", "run")
@@ -91,6 +92,8 @@ class FunctionSimulator(Simulator):
                 "Rename the input; its key 'column' names the column of the log.",
             )
         self._fast: dict[str, bool] = {}
+        self._each: dict[str, Callable[..., Any]] = {}
+        """Functions that are asked at many instants in place of those that take one alone."""
         self.output_source, self.folder = "", Path()
 
     @classmethod
@@ -129,7 +132,7 @@ class FunctionSimulator(Simulator):
         """Evaluate a function at many instants at once where it allows that, else one by one."""
         n = arguments[0][0].shape[1]
 
-        def at(k: Any) -> np.ndarray:
+        def at(k: Any, function: Callable[..., Any] = function) -> np.ndarray:
             some = [(rows[:, k], labels) for rows, labels in arguments]
             found = _rows(_silently(function, None if t is None else t[k], some), names, function)
             if np.ndim(k) == 0 and found.size != len(names):
@@ -144,8 +147,13 @@ class FunctionSimulator(Simulator):
             return np.zeros((len(names), 0))
         fast = self._fast.get(what)
         if fast is None and n > 1:
-            fast = self._fast[what] = _agrees(at, n, len(names))
+            fast = self._fast[what] = _agrees(at, at, n, len(names))
+            each = None if fast else elementwise(function)
+            if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
+                fast = self._fast[what] = True
+                self._each[what] = each
         if fast:
+            function = self._each.get(what, function)
             answer = _silently(function, t, arguments)
             if type(answer) is dict and all(n in answer for n in names):
                 answer = [answer[n] for n in names]
@@ -384,12 +392,12 @@ def _is_list_of_one(answer: Any) -> bool:
     return (isinstance(answer, (list, tuple)) and len(answer) == 1) or (np.ndim(answer) > 0 and len(answer) == 1)
 
 
-def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
+def _agrees(at: Callable[[Any], np.ndarray], at_many: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
     """Return whether a function gives the same for many instants at once as one by one."""
     some = np.unique(np.linspace(0, n - 1, min(n, 5)).astype(int))
     single = np.stack([at(k).reshape(rows) for k in some], axis=1)
     try:
-        many = at(some)
+        many = at_many(some)
     except (
         TypeError,
         ValueError,
