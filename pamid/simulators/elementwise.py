@@ -44,8 +44,8 @@ def _each(plain: Callable[..., Any]) -> Callable[..., Any]:
     return of
 
 
-_OWN = {name: _each(value) if callable(value) else value for name, value in vars(math).items()}
-_MATH = SimpleNamespace(**_OWN)
+_OF_MATH = {value: _each(value) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
+_MATH = SimpleNamespace(**vars(math) | {value.__name__: each for value, each in _OF_MATH.items()})
 _BUILT_IN = {"max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min)}
 
 
@@ -62,8 +62,8 @@ def elementwise(function: Callable[..., Any]) -> Callable[..., Any] | None:
     for name, value in around.items():
         if value is math:
             found[name] = _MATH
-        elif isinstance(value, BuiltinFunctionType) and vars(math).get(value.__name__) is value:
-            found[name] = _OWN[value.__name__]
+        elif isinstance(value, BuiltinFunctionType) and value in _OF_MATH:
+            found[name] = _OF_MATH[value]
     own, asked, waiting = dict[str, FunctionType](), set[str](), [function]
     while waiting:
         for code in _codes(waiting.pop().__code__):
