@@ -1,4 +1,4 @@
-"""Functions of numbers, made functions of arrays: their max, min and what they take of math go element by element."""
+"""Functions of numbers, made functions of arrays: max, min, float and what they take of math go by element."""
 
 from __future__ import annotations
 
@@ -44,14 +44,32 @@ def _each(plain: Callable[..., Any]) -> Callable[..., Any]:
     return of
 
 
+class _Numbers(type):
+    """The type of a type of which plain numbers are instances."""
+
+    def __instancecheck__(cls, value: Any) -> bool:
+        return isinstance(value, float)
+
+
+class _Float(float, metaclass=_Numbers):
+    """Conversion to a number, or to as many."""
+
+    def __new__(cls, *given: Any) -> Any:
+        """Return the number, or the array of numbers."""
+        many = len(given) == 1 and isinstance(given[0], np.ndarray) and given[0].ndim
+        return given[0].astype(float) if many else float(*given)
+
+
 _OF_MATH = {value: _each(value) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
 _MATH = SimpleNamespace(**vars(math) | {value.__name__: each for value, each in _OF_MATH.items()})
-_BUILT_IN = {"max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min)}
+_BUILT_IN = {
+    "max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min), "float": _Float,
+}  # fmt: skip
 
 
 @functools.lru_cache(maxsize=64)
 def elementwise(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """Return a function that takes arrays where max, min or math want numbers; None where it asks none of them.
+    """Return a function that takes arrays where max, min, float or math want numbers; None where it asks none of them.
 
     Functions of its module that it calls are taken along. One that sets names of its module is left alone.
     """

@@ -134,14 +134,8 @@ class FunctionSimulator(Simulator):
 
         def at(k: Any, function: Callable[..., Any] = function) -> np.ndarray:
             some = [(rows[:, k], labels) for rows, labels in arguments]
-            found = _rows(_silently(function, None if t is None else t[k], some), names, function)
-            if np.ndim(k) == 0 and found.size != len(names):
-                raise ShapeError(
-                    f"{_name(function)} returned {found.size} values.",
-                    f"{len(names)}: {', '.join(names)}",
-                    "Return one number for each.",
-                )
-            return found
+            answer = _silently(function, None if t is None else t[k], some)
+            return _rows(answer, names, function) if np.ndim(k) else _numbers(answer, names, function)
 
         if n == 0:
             return np.zeros((len(names), 0))
@@ -154,9 +148,7 @@ class FunctionSimulator(Simulator):
                 self._each[what] = each
         if fast:
             function = self._each.get(what, function)
-            answer = _silently(function, t, arguments)
-            if type(answer) is dict and all(n in answer for n in names):
-                answer = [answer[n] for n in names]
+            answer = _in_order(_silently(function, t, arguments), names)
             if type(answer) in (list, tuple) and len(answer) == len(names):
                 out = np.empty((len(names), n))
                 with contextlib.suppress(TypeError, ValueError):  # reported below
@@ -165,7 +157,15 @@ class FunctionSimulator(Simulator):
                     return out
             out = _rows(answer, names, function)
             return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
-        return np.stack([at(k).reshape(len(names)) for k in range(n)], axis=1).astype(float)
+        out = np.empty((len(names), n))
+        times, columns = [()] * n if t is None else [(one,) for one in t], [np.array(rows.T) for rows, _ in arguments]
+        labels = [given for _, given in arguments]
+        for k in range(n):
+            given = [Values.of(rows[k], some) for rows, some in zip(columns, labels, strict=True)]
+            answer = _in_order(ask_function(function, *times[k], *given), names)
+            plain = type(answer) in (list, tuple) and all(type(one) in (float, np.float64) for one in answer)
+            out[:, k] = answer if plain and len(answer) == len(names) else _numbers(answer, names, function)
+        return out
 
     @property
     def at_once(self) -> bool:
@@ -335,6 +335,23 @@ def _form_of(arguments: list[str], has_states: bool) -> str:
 
 def _name(function: Callable[..., Any]) -> str:
     return getattr(function, "__name__", type(function).__name__)
+
+
+def _in_order(answer: Any, names: tuple[str, ...]) -> Any:
+    """Return what a function returned by name in the order of names; anything else as it is."""
+    return [answer[n] for n in names] if type(answer) is dict and all(n in answer for n in names) else answer
+
+
+def _numbers(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> np.ndarray:
+    """Return what a function returned at one instant."""
+    found = _rows(answer, names, function)
+    if found.size != len(names):
+        raise ShapeError(
+            f"{_name(function)} returned {found.size} values.",
+            f"{len(names)}: {', '.join(names)}",
+            "Return one number for each.",
+        )
+    return found.reshape(len(names))
 
 
 def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> np.ndarray:

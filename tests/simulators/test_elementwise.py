@@ -1,4 +1,4 @@
-"""Functions of numbers that use max, min and math: asked at many instants at once, with the same answers."""
+"""Functions of numbers that use max, min, float and math: asked at many instants at once, with the same answers."""
 
 from __future__ import annotations
 
@@ -23,11 +23,16 @@ def flow(level, *, least=0.0):
 
 def emptying(t, x, u, p):
     ASKED.append(1)
-    return [(u.q - p.k * flow(x.h)) / p.A, min([x.w, u.q, 0.3]) * turned(x.w, 2.0) + max(v * x.h for v in (1, 2))]
+    slow = min([x.w, float(u.q), 0.3]) * turned(x.w, 2.0)
+    return [(u.q - p.k * flow(x.h)) / p.A, slow + max(v * x.h for v in (1, 2))]
 
 
 def branching(t, x, u, p):
     return [max(x.h, 0.0) if x.h < 1.0 else u.q, x.w]
+
+
+def kinds(t, x, u, p):
+    return [float(x.h) if isinstance(p.k, float) else u.q, float("2")]
 
 
 def counting(t, x, u, p):
@@ -83,6 +88,11 @@ def test_a_function_that_branches_or_keeps_count_is_asked_one_by_one(function) -
     simulator, given = asked(function)
     simulator.rate(*given)
     assert not simulator.at_once
+
+
+def test_a_number_is_still_known_as_one() -> None:
+    simulator, (t, x, u, p) = asked(kinds)
+    assert np.array_equal(simulator.rate(t, x, u, p), [x[0], np.full(50, 2.0)], equal_nan=True)
 
 
 def test_only_functions_that_ask_for_numbers_are_made_anew() -> None:
