@@ -26,6 +26,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from .base import Simulator
+from .elementwise import elementwise
 from .ports import ModelParameter, Port, Values
 
 _FORMS = ("ode", "algebraic", "run")
@@ -91,6 +92,8 @@ class FunctionSimulator(Simulator):
                 "Rename the input; its key 'column' names the column of the log.",
             )
         self._fast: dict[str, bool] = {}
+        self._each: dict[str, Callable[..., Any]] = {}
+        """Functions that are asked at many instants in place of those that take one alone."""
         self.output_source, self.folder = "", Path()
 
     @classmethod
@@ -129,26 +132,23 @@ class FunctionSimulator(Simulator):
         """Evaluate a function at many instants at once where it allows that, else one by one."""
         n = arguments[0][0].shape[1]
 
-        def at(k: Any) -> np.ndarray:
+        def at(k: Any, function: Callable[..., Any] = function) -> np.ndarray:
             some = [(rows[:, k], labels) for rows, labels in arguments]
-            found = _rows(_silently(function, None if t is None else t[k], some), names, function)
-            if np.ndim(k) == 0 and found.size != len(names):
-                raise ShapeError(
-                    f"{_name(function)} returned {found.size} values.",
-                    f"{len(names)}: {', '.join(names)}",
-                    "Return one number for each.",
-                )
-            return found
+            answer = _silently(function, None if t is None else t[k], some)
+            return _rows(answer, names, function) if np.ndim(k) else _numbers(answer, names, function)
 
         if n == 0:
             return np.zeros((len(names), 0))
         fast = self._fast.get(what)
         if fast is None and n > 1:
-            fast = self._fast[what] = _agrees(at, n, len(names))
+            fast = self._fast[what] = _agrees(at, at, n, len(names))
+            each = None if fast else elementwise(function)
+            if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
+                fast = self._fast[what] = True
+                self._each[what] = each
         if fast:
-            answer = _silently(function, t, arguments)
-            if type(answer) is dict and all(n in answer for n in names):
-                answer = [answer[n] for n in names]
+            function = self._each.get(what, function)
+            answer = _in_order(_silently(function, t, arguments), names)
             if type(answer) in (list, tuple) and len(answer) == len(names):
                 out = np.empty((len(names), n))
                 with contextlib.suppress(TypeError, ValueError):  # reported below
@@ -157,7 +157,15 @@ class FunctionSimulator(Simulator):
                     return out
             out = _rows(answer, names, function)
             return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
-        return np.stack([at(k).reshape(len(names)) for k in range(n)], axis=1).astype(float)
+        out = np.empty((len(names), n))
+        times, columns = [()] * n if t is None else [(one,) for one in t], [np.array(rows.T) for rows, _ in arguments]
+        labels = [given for _, given in arguments]
+        for k in range(n):
+            given = [Values.of(rows[k], some) for rows, some in zip(columns, labels, strict=True)]
+            answer = _in_order(ask_function(function, *times[k], *given), names)
+            plain = type(answer) in (list, tuple) and all(type(one) in (float, np.float64) for one in answer)
+            out[:, k] = answer if plain and len(answer) == len(names) else _numbers(answer, names, function)
+        return out
 
     @property
     def at_once(self) -> bool:
@@ -329,6 +337,23 @@ def _name(function: Callable[..., Any]) -> str:
     return getattr(function, "__name__", type(function).__name__)
 
 
+def _in_order(answer: Any, names: tuple[str, ...]) -> Any:
+    """Return what a function returned by name in the order of names; anything else as it is."""
+    return [answer[n] for n in names] if type(answer) is dict and all(n in answer for n in names) else answer
+
+
+def _numbers(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> np.ndarray:
+    """Return what a function returned at one instant."""
+    found = _rows(answer, names, function)
+    if found.size != len(names):
+        raise ShapeError(
+            f"{_name(function)} returned {found.size} values.",
+            f"{len(names)}: {', '.join(names)}",
+            "Return one number for each.",
+        )
+    return found.reshape(len(names))
+
+
 def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> np.ndarray:
     """Return what a function returned as rows in the order of names."""
     if isinstance(answer, Mapping):
@@ -384,12 +409,12 @@ def _is_list_of_one(answer: Any) -> bool:
     return (isinstance(answer, (list, tuple)) and len(answer) == 1) or (np.ndim(answer) > 0 and len(answer) == 1)
 
 
-def _agrees(at: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
+def _agrees(at: Callable[[Any], np.ndarray], at_many: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:
     """Return whether a function gives the same for many instants at once as one by one."""
     some = np.unique(np.linspace(0, n - 1, min(n, 5)).astype(int))
     single = np.stack([at(k).reshape(rows) for k in some], axis=1)
     try:
-        many = at(some)
+        many = at_many(some)
     except (
         TypeError,
         ValueError,

@@ -26,6 +26,8 @@ _FRESH = 0.1
 """Factor by which a round must come nearer for its Jacobian to serve the next one."""
 _ASTRAY = 3
 """Rounds in turn that may come no nearer."""
+_ALONGSIDE = 4_000
+"""Runs whose arithmetic takes as long as a call of a simulator by itself."""
 _MANY = 8_000_000
 """Most numbers of a Jacobian along all runs."""
 
@@ -66,12 +68,14 @@ class Runner:
         while k + 1 < len(t):
             rows = slice(k, min(k + length, len(t) - 1) + 1)
             part = t[rows], x, u[rows], p[rows] if p.ndim == 3 else p, acting, memory, most, paths
-            if at_once and length > 1 and length * self.substeps > least:
+            steps = min(length, len(t) - 1 - k) * self.substeps
+            alone, together = steps * (_ALONGSIDE + x.shape[1]), least * (_ALONGSIDE + steps * x.shape[1])
+            if at_once and length > 1 and alone > together:
                 found = self._from_near(near[rows], *part)
                 if found is None:
                     length //= 2
                     continue
-            else:  # as few calls as rounds over all these steps would need
+            else:  # as fast as rounds over all these steps would be
                 found = self._step_by_step(k, *part)
             known, memory = found
             out[k : k + len(known)] = known

@@ -1,14 +1,18 @@
 """A cause whose size may be none is named with reserve, however well it closes the gap."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from pamid.effects import make_effect
 from pamid.effects.limits import ForceLimit
 from pamid.effects.numbers import ParameterDeviation
+from pamid.gap.diagnosis.decide import Verdict
 from pamid.gap.diagnosis.findings import ParameterEstimate
 from pamid.gap.diagnosis.open_set import Trust
 from pamid.gap.diagnosis.sized import sized, vanishes
+from pamid.gap.inference.significance import Excess
 
 
 class _Clusters:
@@ -51,3 +55,10 @@ def test_no_term_of_several_is_the_whole_effect():
 
 def test_two_runs_say_nothing_of_the_scatter():
     assert grade(ParameterDeviation, pieces=2, deviation=(-np.inf, np.inf)) == "sure"
+
+
+def test_sizes_that_may_be_none_show_no_gap_that_residuals_do_not_show():
+    quiet, loud = Excess(1.0, 0.5), Excess(1.5, 0.5)
+    verdict = Verdict("class", 0.001, outcome=None, excess=[quiet])
+    assert verdict.rests_on_size and not replace(verdict, excess=[quiet, loud]).rests_on_size
+    assert verdict.without_gap().kind == "none" and verdict.without_gap().p_value == 0.1

@@ -88,7 +88,7 @@ def test_values_go_by_name_place_and_attribute() -> None:
 @pytest.mark.parametrize("many", [True, False])
 def test_a_function_is_asked_at_many_instants_or_one_by_one(many: bool) -> None:
     def rates(t, x, u, p):
-        return {"v": u.F / p.m if many else math.sqrt(abs(float(u["F"]))) / p[0], "x": x["v"]}
+        return {"v": u.F / p.m if many else math.sqrt(abs(float(u["F"]) if u["F"] > 0 else 0.0)) / p[0], "x": x["v"]}
 
     s = FunctionSimulator(rates, CART, {"m": 2.0})
     x, u, p = np.ones((2, 7)), np.linspace(1, 4, 7)[None], np.full((1, 7), 2.0)

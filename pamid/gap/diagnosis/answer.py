@@ -60,6 +60,9 @@ def answer(
         clusters = Clusters(fitter, fit)
         parameters = clusters.parameters()
         verdict.trust = sized(verdict.trust, clusters, parameters)
+        if verdict.rests_on_size and not any(verdict.trust[name].sized for name in verdict.outcome.best.names):
+            verdict, fit, clusters = verdict.without_gap(), base, None
+    if clusters is not None:
         after, held_out = evidence.raw(clusters.z), evidence.raw(clusters.held_out())
     gap = before - after if verdict.named else before
     power = np.square(gap) if verdict.named else np.maximum(np.square(before) - 1.0, 0.0)

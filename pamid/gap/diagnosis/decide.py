@@ -1,7 +1,9 @@
 """From competing hypotheses to an answer: no gap, one cause, a class, several causes, or an unknown one."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -42,6 +44,15 @@ class Verdict:
     def named(self) -> bool:
         """Whether causes are named."""
         return self.kind in ("cause", "class", "several", "family")
+
+    @property
+    def rests_on_size(self) -> bool:
+        """Whether no residual exceeds its noise: then only the sizes of causes show that there is a gap."""
+        return all(e.scale <= 1.0 + EXCESS for e in self.excess)
+
+    def without_gap(self) -> Verdict:
+        """Return that there is none, since the sizes of all causes may be none: 90 % intervals include it."""
+        return replace(self, kind="none", p_value=max(self.p_value, 0.1))
 
     @property
     def reserved(self) -> bool:

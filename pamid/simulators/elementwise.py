@@ -1,0 +1,115 @@
+"""Functions of numbers, made functions of arrays: max, min, float and what they take of math go by element."""
+
+from __future__ import annotations
+
+import builtins
+import dis
+import functools
+import math
+import operator
+from collections.abc import Callable, Iterator
+from types import BuiltinFunctionType, CodeType, FunctionType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+
+
+def _largest(better: Callable[[Any, Any], Any], plain: Callable[..., Any]) -> Callable[..., Any]:
+    """Return max or min, whichever comparison says, that takes arrays among its arguments."""
+
+    @functools.wraps(plain)
+    def of(*given: Any, **options: Any) -> Any:
+        some = given if len(given) > 1 else tuple(*given)
+        if options or not any(np.ndim(one) for one in some):
+            return plain(some, **options)
+        best = some[0]
+        for one in some[1:]:  # of numbers that are neither, Python keeps the first, too
+            best = np.where(better(one, best), one, best)
+        return best
+
+    return of
+
+
+def _each(plain: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function of numbers that takes arrays among its arguments."""
+
+    @functools.wraps(plain)
+    def of(*given: Any, **options: Any) -> Any:
+        if options or not any(isinstance(one, np.ndarray) and one.ndim for one in given):
+            return plain(*given, **options)
+        many = np.broadcast_arrays(*given)
+        found = [plain(*numbers) for numbers in zip(*(one.ravel().tolist() for one in many), strict=True)]
+        return np.array(found).reshape(many[0].shape)
+
+    return of
+
+
+class _Numbers(type):
+    """The type of a type of which plain numbers are instances."""
+
+    def __instancecheck__(cls, value: Any) -> bool:
+        return isinstance(value, float)
+
+
+class _Float(float, metaclass=_Numbers):
+    """Conversion to a number, or to as many."""
+
+    def __new__(cls, *given: Any) -> Any:
+        """Return the number, or the array of numbers."""
+        many = len(given) == 1 and isinstance(given[0], np.ndarray) and given[0].ndim
+        return given[0].astype(float) if many else float(*given)
+
+
+_OF_MATH = {value: _each(value) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
+_MATH = SimpleNamespace(**vars(math) | {value.__name__: each for value, each in _OF_MATH.items()})
+_BUILT_IN = {
+    "max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min), "float": _Float,
+}  # fmt: skip
+
+
+@functools.lru_cache(maxsize=64)
+def elementwise(function: Callable[..., Any]) -> Callable[..., Any] | None:
+    """Return a function that takes arrays where max, min, float or math want numbers; None where it asks none of them.
+
+    Functions of its module that it calls are taken along. One that sets names of its module is left alone.
+    """
+    if not isinstance(function, FunctionType):
+        return None
+    around = function.__globals__
+    found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in around}
+    for name, value in around.items():
+        if value is math:
+            found[name] = _MATH
+        elif isinstance(value, BuiltinFunctionType) and value in _OF_MATH:
+            found[name] = _OF_MATH[value]
+    own, asked, waiting = dict[str, FunctionType](), set[str](), [function]
+    while waiting:
+        for code in _codes(waiting.pop().__code__):
+            if any(step.opname in ("STORE_GLOBAL", "DELETE_GLOBAL") for step in dis.get_instructions(code)):
+                return None
+            asked |= set(code.co_names)
+            for name in code.co_names:
+                other = around.get(name)
+                if name not in own and isinstance(other, FunctionType) and other.__globals__ is around:
+                    own[name] = other
+                    waiting.append(other)
+    if not asked & set(found):
+        return None
+    names = {**around, **found}
+    names |= {name: _within(other, names) for name, other in own.items()}
+    return _within(function, names)
+
+
+def _codes(code: CodeType) -> Iterator[CodeType]:
+    """Yield the code of a function and of all that is defined in it."""
+    yield code
+    for inner in code.co_consts:
+        if isinstance(inner, CodeType):
+            yield from _codes(inner)
+
+
+def _within(function: FunctionType, names: dict[str, Any]) -> FunctionType:
+    """Return the same function with other names around it."""
+    out = FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
+    out.__kwdefaults__ = function.__kwdefaults__
+    return out
