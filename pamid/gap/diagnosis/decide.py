@@ -31,6 +31,8 @@ class Verdict:
     """The hypotheses."""
     excess: list[Excess]
     """The excess of each equation's residual over its noise, before."""
+    beyond: float = 1.0
+    """Probability of residuals as large without a gap."""
     trust: dict[str, Trust] = field(default_factory=dict)
     """Evidence for each name of the best set, whether reported or not; empty where there is none."""
     classes: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -48,7 +50,7 @@ class Verdict:
     @property
     def rests_on_size(self) -> bool:
         """Whether no residual exceeds its noise: then only the sizes of causes show that there is a gap."""
-        return all(e.scale <= 1.0 + EXCESS for e in self.excess)
+        return self.beyond >= FALSE_ALARM
 
     def without_gap(self) -> Verdict:
         """Return that there is none, since the sizes of all causes may be none: 90 % intervals include it."""
@@ -90,7 +92,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
         chance = max(chance, min(1.0, FALSE_ALARM * float(np.exp(evidence.least_gain - max(gain, 0.0)))))
     # What closes no more than the noise hides is no cause: the noise may be estimated too large.
     closes = bool(np.any((base.left > 1.0 - EXCESS) & (best.left < base.left)))
-    verdict = Verdict("none", min(1.0, 2.0 * min(chance if closes else 1.0, beyond)), outcome, over)
+    verdict = Verdict("none", min(1.0, 2.0 * min(chance if closes else 1.0, beyond)), outcome, over, beyond)
     # A residual beyond its noise is a gap by itself: a cause that acts in few rows need not prove it again.
     a_gap = closes and min(chance, beyond) < FALSE_ALARM
     if a_gap and best.fit.spec and gain > evidence.least_gain:

@@ -170,11 +170,12 @@ class WindowNoise(ABC):
             z = self._whitening.white(r / self.noise)
             return quick(self._fitted(z).z if self.simulates else z)
 
+        shortens = self.simulates and self.simulator.form == "ode" and fitted is None  # see `beside_inputs`
         fitted = fitted or self.without_causes()
         left = quick(fitted.z)
         readings = np.array([judged(one) for one in self._drawn])
         beyond = exceeds(left, readings, self.parts)
-        if not beyond and self.simulator.form == "run":
+        if not (beyond or shortens):
             return False
         rng, count = np.random.RandomState(1), len(self._drawn)
         different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
