@@ -15,12 +15,12 @@ from .design.experiment import next_for_equation
 from .diagnosis.decide import Verdict
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
-from .inference.floor import Learned
 from .inference.gauss_newton import Fitter
 from .inference.hypotheses import Outcome
 from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
+from .rerun import tried
 from .residuals.choice import beside_inputs
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
@@ -39,6 +39,10 @@ DROWNED = "Readings were predicted: undoing a fault of one in the equations woul
 BURIED = "Readings were predicted: in each of the equations the gap is smaller than the noise."
 
 
+Judged = tuple[Diagnosis, PortEvidence]
+"""A diagnosis, and the evidence that it is of."""
+
+
 class UnjudgedError(Exception):
     """The equations cannot judge what predictions can: the message says why."""
 
@@ -53,28 +57,30 @@ def diagnose_at_ports(
 ) -> Diagnosis:
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True, say=say)
-    found = diagnose_evidence(evidence, effects, seed, say, change)[0]
+    judged = diagnose_evidence(evidence, effects, seed, say, change)
+    found = judged[0]
 
-    def cut() -> Diagnosis:
-        return replace(found, notes=[*found.notes, INTERRUPTED])
+    def cut() -> Judged:
+        return replace(found, notes=[*found.notes, INTERRUPTED]), judged[1]
 
-    def with_noise_of_inputs() -> Diagnosis:
+    def with_noise_of_inputs() -> Judged:
         if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
-            return found
+            return judged
         say("once more with the noise of inputs, which causes had hidden")
-        return diagnose_evidence(evidence, effects, seed, say, change)[0]
+        return diagnose_evidence(evidence, effects, seed, say, change)
 
-    def with_inputs_otherwise() -> Diagnosis:
+    def with_inputs_otherwise() -> Judged:
         other = otherwise(evidence, found, log)
         if other is None:
-            return found
+            return judged
         say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
-        return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))[0]
+        return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))
 
     for again in (with_noise_of_inputs, with_inputs_otherwise):
         if not found.interrupted:  # who interrupted the search waits for no other
-            found = unless_stopped(again, cut)
-    return found
+            judged = unless_stopped(again, cut)
+            found = judged[0]
+    return tried(found, log, judged[1])
 
 
 def diagnose_evidence(
@@ -84,8 +90,8 @@ def diagnose_evidence(
     say: Callable[[str], None] = lambda _: None,
     change: Callable[[int], float] | None = None,
     begin: Spec | None = None,
-) -> tuple[Diagnosis, Sequence[Learned]]:
-    """Return the diagnosis of a log's evidence, and the residual of a learner on it; `begin` as in `explain`."""
+) -> Judged:
+    """Return the diagnosis of a log's evidence, and the evidence that judged; `begin` as in `explain`."""
     left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator
@@ -133,7 +139,7 @@ def diagnose_evidence(
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
-    return twice(lambda _: told(found, evidence)), known.learned
+    return twice(lambda _: told(found, evidence)), evidence
 
 
 def in_question(outcome: Outcome) -> list[Spec]:

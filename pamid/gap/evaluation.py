@@ -1,7 +1,7 @@
 """The error of a simulator on a log, beside the noise of the sensors."""
 
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 import numpy as np
 import pandas as pd
@@ -16,11 +16,17 @@ from ..simulators.base import Simulator
 from .inference.student_t import solve
 from .one_equation import equation_of, evidence_on, noise_of
 from .residuals.ports import PortEvidence
+from .residuals.shooting import ShootingEvidence
 from .simulated import evidence_of
 
 
-def residuals_of(log: pd.DataFrame, simulator: Simulator) -> PortEvidence:
-    """Return the residuals of a simulator with ports, or of its equation, on a log, in the units there."""
+def residuals_of(log: pd.DataFrame, simulator: Simulator, like: PortEvidence | None = None) -> PortEvidence:
+    """Return the residuals of a simulator with ports, or of its equation, on a log, in the units there.
+
+    Predictions go over the same stretches as those of other evidence of the log.
+    """
+    if isinstance(like, ShootingEvidence):
+        return ShootingEvidence(like.log, simulator, lines=like.lines, like=like)
     if not simulator.states_equation:
         return evidence_of(log, simulator)
     problem = simulator.problem(log)
@@ -71,23 +77,33 @@ def evaluate(
     """
     check_simulator(simulator)
     say = progress or (lambda _: None)
-    sums: dict[str, dict[str, Sums]] = {}
-    units: dict[str, str] = {}
     log = logs_as_pandas(log)
     log = list(log.values()) if isinstance(log, Mapping) else log
     if not isinstance(simulator, Simulator):
         return evaluate_log(log, simulator, progress=progress)
-    for piece in [log] if isinstance(log, pd.DataFrame) else simulator.pieces(log):
-        say("the log")
-        evidence = residuals_of(piece, simulator)
-        _warn_of_idle(evidence)
+
+    def residuals() -> Iterator[PortEvidence]:
+        for piece in [log] if isinstance(log, pd.DataFrame) else simulator.pieces(log):
+            say("the log")
+            evidence = residuals_of(piece, simulator)
+            _warn_of_idle(evidence)
+            yield evidence
+
+    return errors_of(residuals())
+
+
+def errors_of(residuals: Iterable[PortEvidence]) -> LogEvaluation:
+    """Return the errors of residuals, as sums over all of them."""
+    sums: dict[str, dict[str, Sums]] = {}
+    units: dict[str, str] = {}
+    for evidence in residuals:
         units |= evidence.units
-        residuals = timed(evidence)
+        left = timed(evidence)
         for equation, part in zip(evidence.equations, evidence.parts, strict=True):
             for k, name in enumerate(evidence.trajectories):
                 mine = evidence.run[part] == k
                 value, noise, measured, time = (
-                    x[part][mine] for x in (residuals, evidence.noise, evidence.measured, evidence.time)
+                    x[part][mine] for x in (left, evidence.noise, evidence.measured, evidence.time)
                 )
                 if len(value):
                     windows = Residual(time, value[:, None], measured[:, None], noise[:, None])

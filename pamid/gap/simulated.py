@@ -209,13 +209,8 @@ class Library(NamedTuple):
     """The templates of each effect that was evaluated."""
     interrupted: bool
     """Whether the user interrupted the rest."""
-    learned: Sequence[Learned] = ()
-    """What a flexible learner leaves of each equation, where nothing was interrupted."""
-
-    @property
-    def share(self) -> float:
-        """Share of the gaps beyond the noise that it predicts."""
-        return float(np.mean([one.share for one in self.learned])) if self.learned else 0.0
+    share: float = 0.0
+    """Share of the gaps beyond the noise that a flexible learner predicts, where nothing was interrupted."""
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
@@ -228,13 +223,13 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
             known[name] = _templates(evidence, name)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
-        learned = _remember(evidence, [t for name in library for t in known[name]], say)
+        share = _remember(evidence, [t for name in library for t in known[name]], say)
     except KeyboardInterrupt as stop:
         stopped(stop)
         if not any(known.values()):
             raise
         return Library(known, True)
-    return Library(known, False, learned)
+    return Library(known, False, share)
 
 
 def _is_simple(effect: type[Effect]) -> bool:
@@ -242,7 +237,8 @@ def _is_simple(effect: type[Effect]) -> bool:
     return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
 
 
-def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> list[Learned]:
+def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> float:
+    """Let a flexible learner set the correlation times; return the share of the gaps that it predicts."""
     learned = list[Learned]()
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         say(f"learn what could be explained, {len(learned) + 1} of {len(evidence.equations)}")
@@ -252,7 +248,7 @@ def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[
         mine = [t for t in mine if np.any(t.columns)]
         learned.append(explainable(view, mine, noise, enough=1.0 + EXCESS))
     evidence.remember([one.left for one in learned])
-    return learned
+    return float(np.mean([one.share for one in learned])) if learned else 0.0
 
 
 def _templates(evidence: PortEvidence, name: str) -> list[Template]:

@@ -287,10 +287,10 @@ def test_an_equation_of_which_nothing_was_said_to_close_falls_short_of_nothing(m
 
     left = dict.fromkeys(("valve", "force", "told"), SimpleNamespace(rmse=1.102, unit=""))
     left["level"] = SimpleNamespace(rmse=1.102, unit="m")  # predicted now; the report judged its rate
-    monkeypatch.setattr("pamid.gap.evaluate", lambda log, simulator: left)
+    monkeypatch.setattr("pamid.gap.evaluation.evaluate", lambda log, simulator: left)
     said = [gap("valve", 0.0), gap("force", 0.8), gap("told", 0.8, "timing of u")]
-    d = SimpleNamespace(closure=[*said, replace(gap("level", 0.8), unit="m/s")])
-    assert _short(d, None, None) == {"force": 0.0}
+    d = SimpleNamespace(corrected=None, closure=[*said, replace(gap("level", 0.8), unit="m/s")])
+    assert _short(d, None, object()) == {"force": 0.0}
 
 
 def test_hysteresis_of_the_size_that_simulate_gives_it_is_named(tmp_path: Path, capsys) -> None:

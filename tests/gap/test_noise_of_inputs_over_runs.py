@@ -57,3 +57,12 @@ def test_noise_of_an_input_counts_as_the_simulator_adds_it_up_and_as_a_fit_smoot
     evidence = ShootingEvidence(held.log, SERVO, refit=True, lines=True, like=held)
     assert any("The noise of i counts" in note for note in evidence.notes)
     assert max(evidence.without_causes().scales) < 1.1
+
+
+def test_half_as_long_predictions_begin_where_the_longer_ones_pass(held):
+    halves = ShootingEvidence(held.log, SERVO, refit=True, like=held, halves=True)
+    lengths = [s.stop - s.first for s in halves.stretches]
+    assert sum(lengths) == held.log.n and len(lengths) == 2 * len(held.stretches)
+    begins = [s.first for s in halves.stretches]
+    v = SERVO.states.index("v")  # which the log lacks
+    assert np.allclose(halves.laid[v], held.along[v, begins], atol=0.03 * np.ptp(held.along[v]))

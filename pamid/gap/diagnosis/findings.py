@@ -238,6 +238,11 @@ class Closure:
         'What the fit allows for that closes most of the rest, such as ``"timing of road"``; empty where `alone` '
         "is not below `ci90`.",
     ] = ""
+    again: Annotated[
+        float,
+        "Share that the corrected simulator, run again on this log, closes; NaN where it was not run, or its errors do "
+        "not compare.",
+    ] = math.nan
 
     def closed_by(self, rmse: float) -> float:
         """Return the share of the explainable mean square, 0 to 1, that is closed where a root mean square error is

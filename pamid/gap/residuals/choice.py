@@ -48,12 +48,13 @@ def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
     if simulator.form != "ode" or simulator.one_by_one:  # which would take too long
         return found
     shows, exact = found if found.beyond_inputs else None, False
-    length = max(s.stop - s.first for s in found.stretches)
     while shorter.by_inputs > 1.0:
         exact = shorter.exact_inputs  # the shorter the stretches, the better their noise is known
-        if (length := length // 2) < SHORTEST:
+        if max(s.stop - s.first for s in shorter.stretches) < 2 * SHORTEST:
             break
-        shorter = ShootingEvidence(found.log, found.given, refit=found.refit, lines=found.lines, longest=length)
+        shorter = ShootingEvidence(
+            found.log, found.given, refit=found.refit, lines=found.lines, like=shorter, halves=True
+        )
         shows = shorter if shorter.beyond_inputs else shows
     return found if exact else shows or shorter
 

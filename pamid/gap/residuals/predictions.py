@@ -39,9 +39,9 @@ class PredictedEvidence(StretchEvidence):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0, like: StretchEvidence | None = None,
+        longest: int = 0, like: StretchEvidence | None = None, halves: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(log, simulator, whole, refit, lines, longest, like)
+        super().__init__(log, simulator, whole, refit, lines, longest, like, halves)
         self._u = log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False
@@ -225,6 +225,12 @@ class PredictedEvidence(StretchEvidence):
             "finite rates and outputs wherever the simulator goes",
             "Correct the simulator, or its parameters and inputs.",
         )
+
+    @property
+    def along(self) -> np.ndarray:
+        """The states along the log from the fitted initial states, shape (n_states, n)."""
+        p = np.repeat(self.simulator.numbers[:, None], self.log.n, axis=1)
+        return self._simulate(self._x0, self._u, p, self._own)[0]
 
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active

@@ -63,9 +63,9 @@ class ShootingEvidence(LateJumps):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0, like: StretchEvidence | None = None,
+        longest: int = 0, like: StretchEvidence | None = None, halves: bool = False,
     ) -> None:  # fmt: skip
-        super().__init__(log, simulator, whole, refit, lines, longest, like)
+        super().__init__(log, simulator, whole, refit, lines, longest, like, halves)
         self.shown = [n for n in (*simulator.outputs, *simulator.states) if n in log.channels]
         if simulator.form == "run":
             self.shown = [n for n in self.shown if n in simulator.outputs]

@@ -52,12 +52,18 @@ class Segment(NamedTuple):
     stop: int
     """Its rows."""
 
+    @property
+    def halves(self) -> list[Segment]:
+        """Both halves."""
+        middle = (self.first + self.stop) // 2
+        return [Segment(self.first, middle), Segment(middle, self.stop)]
+
 
 class StretchEvidence(PortEvidence):
     """What predictions over stretches of a log need: their bounds and initial states.
 
     With ``whole``, runs are predicted as wholes, however far they diverge; with ``longest``, in pieces of as many rows;
-    with ``like``, over the stretches of other evidence of the same log.
+    with ``like``, over the stretches of other evidence of the same log, or over their ``halves``.
     """
 
     shown: list[str]
@@ -67,10 +73,10 @@ class StretchEvidence(PortEvidence):
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
-        longest: int = 0, like: StretchEvidence | None = None,
+        longest: int = 0, like: StretchEvidence | None = None, halves: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(log, simulator, refit, lines)
-        self.whole, self.longest, self.like = whole, longest, like
+        self.whole, self.longest, self.like, self.halves = whole, longest, like, halves
         self.stretches: list[Segment] = []
         self.folds = {}
         self._along_loops: np.ndarray | None = None
@@ -98,6 +104,11 @@ class StretchEvidence(PortEvidence):
     def _sums(self, rows: np.ndarray) -> np.ndarray:
         """Return the sums of rows over each stretch."""
         return np.add.reduceat(rows, self._firsts, axis=-1)
+
+    @property
+    @abstractmethod
+    def along(self) -> np.ndarray:
+        """The states along the log from the fitted initial states, shape (n_states, n)."""
 
     @abstractmethod
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
@@ -143,6 +154,9 @@ class StretchEvidence(PortEvidence):
         _, self.stretches, self._x0 = best
         self._part()
         self.laid = self._x0
+        self._tell_how()
+
+    def _tell_how(self) -> None:
         lengths = [s.stop - s.first for s in self.stretches]
         whole, most = len(lengths) == len(self.log.spans), "up to " if 2 * min(lengths) <= max(lengths) else ""
         pieces = "whole runs" if whole else f"stretches of {most}{max(lengths) * self.log.dt:.3g} s"
@@ -161,11 +175,7 @@ class StretchEvidence(PortEvidence):
             bent = [b and s.stop - s.first >= 2 * SHORTEST for b, s in zip(led, self.stretches, strict=True)]
             if not any(bent):
                 break
-            halves = [(s, (s.first + s.stop) // 2) for s in self.stretches]
-            parts = [
-                [Segment(s.first, middle), Segment(middle, s.stop)] if b else [s]
-                for b, (s, middle) in zip(bent, halves, strict=True)
-            ]
+            parts = [s.halves if b else [s] for b, s in zip(bent, self.stretches, strict=True)]
             self.stretches = [part for both in parts for part in both]
             self._x0 = self._fitted_starts()
 
@@ -182,11 +192,20 @@ class StretchEvidence(PortEvidence):
         return bent
 
     def _lay_like(self, other: StretchEvidence) -> None:
-        """Take the stretches of another evidence of the log, whose inputs differ only within samples."""
-        self.folds, self.curved, self.how, self.stretches = other.folds, other.curved, other.how, other.stretches
-        self.simulator, self.about = other.simulator, other.about[: len(self.about)]
+        """Take the stretches of other evidence or their halves, and its parameters if it is of the same simulator."""
+        self.folds, self.curved, self.stretches = other.folds, other.curved, other.stretches
+        if other.given is self.given:
+            self.simulator, self.about = other.simulator, other.about[: len(self.about)]
         self.laid = other.laid
+        if self.halves:
+            self.stretches = [half for s in self.stretches for half in s.halves]
+            passed, self.laid = other.along[:, self._firsts], self._starts()  # where a motion goes on, or is read
+            error, read = (self._power(self._error(x)) for x in (passed, self.laid))
+            self.laid = np.where(error < read, passed, self.laid)
         self._x0 = self._unless_apart(*self._fitted_from(self.laid))
+        if other.given is not self.given:  # which has effects that the other one tried
+            self._moved = {kind: other._x0 + moved - self._x0 for kind, moved in other._moved.items()}
+        self._tell_how()
 
     def _cut(self, length: int) -> list[Segment]:
         found = []

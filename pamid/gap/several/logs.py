@@ -157,7 +157,7 @@ def diagnosed(
         if isinstance(given, Mapping):
             return diagnose_port_logs(given, simulator, effects, conditions, seed, say), {}
         try:
-            return tried(diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), given), {}
+            return diagnose_at_ports(given, simulator, effects, seed, say, odds_of_change), {}
         except RunsDifferError as differ:
             runs, within = runs_of(given), differ.border.time is not None
             parts = parted(runs, differ.border)
@@ -165,7 +165,7 @@ def diagnosed(
         say(note)
         found = diagnose_port_logs(parts, simulator, effects, conditions, seed, say)
         if within and not found.changes:
-            return tried(diagnose_at_ports(given, simulator, effects, seed, say), given), {}
+            return diagnose_at_ports(given, simulator, effects, seed, say), {}
         return replace(found, notes=[*found.notes, note]), parts
     if isinstance(given, Mapping):
         return diagnose_bench_logs(given, simulator, effects, conditions, seed, say), {}
