@@ -245,18 +245,24 @@ class ShootingEvidence(LateJumps):
         """Return the initial states that fit best under a change, and what they leave."""
         read = self._as_read(x0, active, numbers)
         influence = self._O if read is None else self._influence(read)
+        power, share = self._squares(left), np.ones(len(self.stretches))
         for done in range(ROUNDS):
             shift = self._explained(left, influence)
             # Changes that fit worse than none need no exact start.
-            if not self._far(shift, influence) or (done and np.sum(self._squares(left)) > self._usual):
+            if not self._far(shift, influence) or (done and np.sum(power) > self._usual):
                 break
-            trial = self._left(self.log.channels, self._predict(x0 + shift, active, numbers))
-            better = self._squares(trial) < self._squares(left)
+            trial = self._left(self.log.channels, self._predict(x0 + share * shift, active, numbers))
+            found = self._squares(trial)
+            better = found < power
             if not better.any():
                 break
-            x0, left = np.where(better, x0 + shift, x0), np.where(better[self._window_of], trial, left)
+            x0, left = np.where(better, x0 + share * shift, x0), np.where(better[self._window_of], trial, left)
+            share = np.where(better, np.minimum(2.0 * share, 1.0), 0.25 * share)
+            gained, power = float(np.sum((power - found)[better])), np.where(better, found, power)
             if self.simulator.form == "ode":
                 influence = self._influence(self._slopes(x0, numbers, active))
+            if gained * left.size < len(x0) * np.sum(power):  # as much as what is left gives as many initial states
+                break
         return Begun(x0, influence), left
 
     def _started(self, kind: tuple[str, ...], active: Active, numbers: np.ndarray) -> np.ndarray:
