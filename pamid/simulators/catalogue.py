@@ -266,7 +266,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
 
 
 def _turn(unit: str) -> float:
-    """Return a turn in a unit; 0 if it is none of angles."""
+    """Return a full turn in a unit of angles, 0 in any other."""
     return math.tau / float(UNITS[unit].factor) if _dimension(unit) == "angle" else 0.0
 
 
