@@ -14,7 +14,7 @@ from ..explained import explained_by
 
 _ABOVE_0 = sys.float_info.min
 MOST_PERIODS = 40
-"""Most periods of an effect of the position within the range that a log covers."""
+"""Most periods of an effect of the position within the range that a log covers, and within a turn."""
 
 SLOW = 0.1
 """Speeds as a share of the largest one at which dry friction is still told from viscous friction."""
@@ -61,6 +61,8 @@ class Parameter:
         Whether it is 2π over a period of the position: the range of a log decides which can be distinguished.
     spacing : float, default=0
         Least difference of values that a log distinguishes, in ``unit``; 0 where nothing is known.
+    each_turn : float, default=0
+        Rate, in ``unit``, of one period in a turn, of whose multiples fast ones are; 0 where nothing turns round.
     refines : bool, default=False
         Whether the effect is in its simplest form at 0, where fits begin: what a small share of the upper bound changes
         tells them whether to go on.
@@ -98,17 +100,19 @@ class Parameter:
     idle_below: bool = False
     periods: bool = False
     spacing: float = 0.0
+    each_turn: float = 0.0
     refines: bool = False
     factor: bool = False
     points: int = 0
     neutral: bool = False
     symbol: str = ""
 
-    def over(self, span: float, speed: float = 0.0) -> Parameter:
+    def over(self, span: float, speed: float = 0.0, turn: float = 0.0) -> Parameter:
         """Return it within the range that a position over ``span`` resolves: one period of it, to `MOST_PERIODS`.
 
         Half a period more in the range leaves a quarter of one out of step at either end: a sine between two such
-        rates still goes with either. What refines a law at low speeds is at most `SLOW` of the largest ``speed``.
+        rates still goes with either. Magnets, teeth and slots of what turns round are as many in each ``turn``. What
+        refines a law at low speeds is at most `SLOW` of the largest ``speed``.
         """
         if self.refines and speed > 0.0:
             return replace(self, upper=SLOW * speed)
@@ -116,7 +120,18 @@ class Parameter:
             return self
         once = 2.0 * math.pi / span
         lower, upper = once, MOST_PERIODS * once  # its own bounds count in radians, a position in its unit
-        return replace(self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once)
+        each = 2.0 * math.pi / turn if 0.0 < turn < span else 0.0
+        upper = max(upper, MOST_PERIODS * each)
+        return replace(
+            self, lower=lower, upper=upper, nominal=math.sqrt(lower * upper), spacing=0.5 * once, each_turn=each
+        )
+
+    def resolved(self) -> list[float]:
+        """Return the rates that a range distinguishes, and beyond its most periods those with whole periods a turn."""
+        end = min(self.upper, 2 * MOST_PERIODS * self.spacing) if self.each_turn else self.upper
+        fine = np.arange(self.lower, end, self.spacing)
+        whole = self.each_turn * np.arange(1, MOST_PERIODS + 1)
+        return [*fine.tolist(), *whole[whole >= end].tolist()]
 
     def of_any_size(self) -> Parameter:
         """Return it with bounds that hold in every system: its sign, and that a positive one is not 0."""

@@ -131,8 +131,8 @@ def _telling(kind: type[Effect] | None, sizes: Estimates) -> list[tuple[str, Par
     found = []
     for place, (name, p) in enumerate(sizes.items()):
         more = _bounded(p) and p.ci90[0] * p.ci90[1] > 0.0 and not p.at_bound
-        refines = name in known and known[name].refines
-        if name == main or (more and (place < 2 or name in adding or refines)):
+        shapes = name in known and (known[name].refines or known[name].periods)
+        if name == main or (more and (place < 2 or name in adding or shapes)):
             found.append((name, p))
     return sorted(found, key=lambda one: one[0] != main)
 

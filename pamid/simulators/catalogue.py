@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -156,8 +157,9 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
         unit, scales = simulator.port(port).unit, Scales(time=survey.time, target=0.01 * span)
         reach, least = survey.tops.get(port, span), (1.0 - NEAR_END) * end
         place = PortPlace(
-            port, "output", "output", port, scales, unit, unit, reach=reach, least=least, range_of=span / scales.target
-        )
+            port, "output", "output", port, scales, unit, unit, reach=reach, least=least, range_of=span / scales.target,
+            turn=_turn(unit) / scales.target,
+        )  # fmt: skip
         way = _dimension(unit) == "angle" or port in positions
         for name, effect in _effects_at("output"):
             if issubclass(effect, PeriodicReading):
@@ -215,7 +217,7 @@ def _at_joints(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
             scales = Scales(scale, survey.time, size / GAP["force"] or 1.0)
             place = PortPlace(
                 joint.name, "joint", enters, at, scales, joint.unit, unit,
-                {"position": position, "velocity": joint.velocity}, range_of=span / scale,
+                {"position": position, "velocity": joint.velocity}, range_of=span / scale, turn=_turn(unit) / scale,
                 speed=scales.speed(survey.spans.get(joint.velocity, 0.0)), interval=survey.interval,
             )  # fmt: skip
             made = replace(place.placed(name, effect, hidden_of(effect)), lever=joint.lever)
@@ -261,6 +263,11 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
                 effect = effect.narrowed(unit_size=scales.pressure)
                 hidden = ("exponent",) if signed or scales.ambient else ()
             yield replace(place.placed(effect_name, effect, hidden), into=into)
+
+
+def _turn(unit: str) -> float:
+    """Return a full turn in a unit of angles, 0 in any other."""
+    return math.tau / float(UNITS[unit].factor) if _dimension(unit) == "angle" else 0.0
 
 
 def _dimension(unit: str) -> str:

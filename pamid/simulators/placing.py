@@ -48,6 +48,8 @@ class PortPlace:
     """Least end of a range."""
     range_of: float = 0.0
     """Range of the position, in the library's units."""
+    turn: float = 0.0
+    """A turn, in the same; 0 where nothing turns."""
     speed: float = 0.0
     """Largest speed, in the library's units."""
     interval: float = 0.0
@@ -86,7 +88,7 @@ class PortPlace:
         if self.reach and p.name in LIMITS:
             top, least = self.reach / self.scales.target, self.least / self.scales.target
             p = replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
-        p = p.over(self.range_of, self.speed)
+        p = p.over(self.range_of, self.speed, self.turn)
         if interval and _frequency(p):
             upper = max(min(p.upper, QUARTER / interval), 2.0 * p.lower)
             p = replace(p, upper=upper, nominal=min(p.nominal, 0.5 * upper))

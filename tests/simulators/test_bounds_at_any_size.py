@@ -63,6 +63,16 @@ def test_periods_are_those_that_a_range_resolves(span: float) -> None:
     assert p.lower < p.nominal < p.upper
 
 
+def test_periods_of_what_turns_round_are_whole_in_a_turn_beyond_those_of_its_range() -> None:
+    p = Parameter("rate", "1/deg", 1e-2, 1e6, 10.0, "periods in 2π of the position", periods=True)
+    once = 2 * np.pi / 360.0
+    rates = np.array(p.over(36_000.0, turn=360.0).resolved())
+    fast = rates[rates > MOST_PERIODS * once / 100]
+    assert fast == pytest.approx(once * np.arange(1, MOST_PERIODS + 1))
+    within = p.over(300.0, turn=360.0)
+    assert within == p.over(300.0) and np.max(within.resolved()) < within.upper
+
+
 @pytest.mark.parametrize("turns", [1e-7, 1.0, 1e6])
 def test_a_joint_of_any_travel_has_periods(turns: float) -> None:
     log = pd.DataFrame({"trajectory": "a", "time": T, "q": turns * np.sin(T), "drive": np.sin(1.3 * T)})

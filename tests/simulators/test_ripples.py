@@ -8,6 +8,7 @@ import pytest
 
 from pamid.effects.ripples import PeriodicReading
 from pamid.gap import diagnose_simulator
+from pamid.report import answers
 from pamid.simulators import FunctionSimulator, Port
 
 NOISE = 2e-4
@@ -77,3 +78,34 @@ def test_only_readings_along_a_way_have_ripples() -> None:
 def test_a_ripple_is_undone() -> None:
     made, q = PeriodicReading(sine=0.05, cosine=-0.04, rate=9.0), np.linspace(-2.0, 2.0, 1001)
     assert np.allclose(made.restore(made.measure(q, np.zeros(0)), 0.1, np.zeros(1, int)), q, atol=1e-12)
+
+
+def wheel() -> FunctionSimulator:
+    def rates(t, x, u, p):
+        return [x.w, (u.T - 0.02 * x.w) / p.J]
+
+    ports = (Port("T", "input", "N m"), Port("q", "state", "rad"), Port("w", "state", "rad/s"))
+    return FunctionSimulator(rates, ports, {"J": (2e-3, 0.02, "kg m^2")})
+
+
+def test_the_cogging_of_a_motor_that_turns_many_times_is_named_with_its_periods_in_a_turn() -> None:
+    rng, parts, dt = np.random.default_rng(6), [], 0.005
+    for k in range(2):
+        t, q, w, rows = np.arange(0, 8, dt), 0.0, 0.0, []
+        drive = 0.25 + 0.15 * np.sin((0.9 + 0.4 * k) * t) + 0.1 * np.sin(2.9 * t + k)
+        for torque in drive:
+            rows.append((q, w))
+            for _ in range(20):
+                w += dt / 20 * (torque - 0.02 * w - 0.03 * np.sin(12.0 * q + 0.4)) / 2e-3
+                q += dt / 20 * w
+        q, w = np.array(rows).T + [[2e-4], [5e-3]] * rng.standard_normal((2, len(t)))
+        parts.append(pd.DataFrame({"trajectory": f"run{k}", "time": t, "T": drive, "q": q, "w": w}))
+    log = pd.concat(parts, ignore_index=True)
+    assert np.ptp(log["q"]) > 10 * np.pi  # over which 40 periods are fewer than 12 in a turn
+    answer = diagnose_simulator(log, wheel(), ["periodic_force", "coulomb_friction", "viscous_friction"])
+    [cause] = answer.causes
+    assert cause.effects == ("periodic_force",)
+    values = {name: p.value for name, p in cause.parameters.items()}
+    assert values["rate"] == pytest.approx(12.0, rel=1e-3)
+    assert np.hypot(values["sine"], values["cosine"]) == pytest.approx(0.03, rel=0.05)
+    assert "rate 12 1/rad" in answers(answer).which

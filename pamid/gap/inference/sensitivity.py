@@ -158,7 +158,7 @@ def grid(p: Parameter, n_nonlinear: int) -> Sequence[float]:
         within = np.geomspace(abs(end - p.nominal) / _REACH, p.upper - p.lower, POINTS[1])
         return np.clip(end + inward * within, p.lower, p.upper).tolist()
     if p.spacing:
-        return np.arange(p.lower, p.upper, p.spacing).tolist()
+        return p.resolved()
     if p.lower < 0.0:
         return np.linspace(p.lower, p.upper, 4, endpoint=False).tolist()
     if p.nominal == 0.0 or p.share:
