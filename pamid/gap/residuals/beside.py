@@ -18,6 +18,7 @@ from ...simulators.sizes import SignalSizes
 
 if TYPE_CHECKING:
     from .protocol import Active
+from .settled import Settled
 
 
 class Aside(NamedTuple):
@@ -28,7 +29,7 @@ class Aside(NamedTuple):
     """What one tolerance of it adds to the residuals."""
 
 
-class Beside(ABC):
+class Beside(Settled, ABC):
     """What the evidence of a log at ports needs in order to be stacked with other logs of the simulator."""
 
     simulator: Simulator
@@ -67,10 +68,6 @@ class Beside(ABC):
     @abstractmethod
     def _twins(self) -> Mapping[str, str]:
         """Return the faults that commute with the simulator between them."""
-
-    @abstractmethod
-    def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals with noise that is independent from window to window."""
 
     @property
     def lasting(self) -> Collection[str]:

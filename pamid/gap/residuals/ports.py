@@ -31,7 +31,6 @@ from .port_signals import PortSignals
 from .port_windows import PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
-from .settled import Settled
 from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
 from .window_noise import WindowNoise
 
@@ -39,7 +38,7 @@ MOST_KEPT = 256 * 2**20
 """Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
 
 
-class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals, ABC):
+class PortEvidence(Tolerances, WindowNoise, Beside, Paths, PortSignals, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -281,14 +280,6 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         residual is correlated.
         """
         return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
-
-    def raw(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals as the windows have them, in units of each window's noise."""
-        return self._whitening.raw(z)
-
-    def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals with noise that is independent from window to window: the inverse of `raw`."""
-        return self._whitening.white(z)
 
     def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
         """Return the parameters changed by multiples of their tolerances."""
