@@ -280,7 +280,10 @@ def _view(evidence: PortEvidence, equation: str, part: slice) -> Learnable:
 def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
     """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
-    corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
+    corrected = found.corrected
+    if source is None:  # its own effects, and the first of each cause
+        spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
+        corrected = evidence.corrected(spec, found.deviations)
     if not found.added:
         corrected = None if evidence.fitted is None else evidence.corrected({}, found.deviations)
     notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
@@ -352,12 +355,6 @@ def in_units(
         logs=[replace(f, parameters={k: _at(places[k], v) for k, v in f.parameters.items()}) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )
-
-
-def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
-    """Return the simulator with the causes added: its own effects, and the first of each cause."""
-    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
-    return evidence.corrected(spec, found.deviations)
 
 
 def _changed(change: Change, places: Mapping[str, Placement]) -> Change:
