@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Self
+
 import numpy as np
 
 from ...effects import Parameter
-from .protocol import ResidualSource, Spec
+from .protocol import Spec
 from .whitening import Whitening
 
 
@@ -22,7 +24,7 @@ class Settled:
         """Return residuals of the windows, or changes of them, with noise that is independent: the inverse of `raw`."""
         return self._whitening.white(z)
 
-    def stepped(self) -> ResidualSource | None:
+    def stepped(self) -> Self | None:
         """Return None: the integrator is that of the log."""
         return None
 
