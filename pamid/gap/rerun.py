@@ -9,7 +9,6 @@ from typing import Any
 import pandas as pd
 
 from ..errors import PamidError
-from .diagnosis.findings import Cause
 from .diagnosis.result import Diagnosis
 
 
@@ -41,9 +40,6 @@ def tried(d: Diagnosis, log: pd.DataFrame) -> Diagnosis:
     except PamidError:  # a simulator that does not follow the log is told where it is written
         return d
     left = {equation for equation, share in shares.items() if equation in said and share < 1.0 - share}
-    causes = [_reserved(c) if c.equation in left else c for c in d.causes]
+    sure = [c.equation in left and c.grade == "sure" for c in d.causes]
+    causes = [replace(c, with_reserve=True, grade="reserve") if s else c for c, s in zip(d.causes, sure, strict=True)]
     return replace(d, causes=causes, with_reserve=any(c.with_reserve for c in causes))
-
-
-def _reserved(cause: Cause) -> Cause:
-    return replace(cause, with_reserve=True, grade="reserve") if cause.grade == "sure" else cause

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..effects import Effect
 from ..errors import PamidError, ParameterError
 from ..simulators.base import Simulator
 from ..simulators.dimensions import unit_powers
@@ -91,7 +90,7 @@ def evidence_of(
             found, derived = by_position, by_position.derived
     if in_lines(found):
         straight = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
-        found = straight if lines or straight.base_loglik() > found.base_loglik() else found
+        found = straight if lines or straight.without_causes().loglik > found.without_causes().loglik else found
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
@@ -221,7 +220,8 @@ class Library(NamedTuple):
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
     """Set the correlation time of each equation's unpredictable residual; return the templates."""
     known: dict[str, list[Template]] = {}
-    simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
+    kinds = {name: evidence.placements[name].effect for name in library}
+    simple = [n for n, e in kinds.items() if all(p.linear for p in e.parameters) or issubclass(e, FIXED)]
     try:
         for k, name in enumerate([*simple, *(name for name in library if name not in simple)]):
             say(f"sensitivity to {in_words(name)}, {k + 1} of {len(library)}")
@@ -235,11 +235,6 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
             raise
         return Library(known, True)
     return Library(known, False, learned)
-
-
-def _is_simple(effect: type[Effect]) -> bool:
-    """Return whether an effect is linear in its parameters, or a wrong number."""
-    return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
 
 
 def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> list[Learned]:

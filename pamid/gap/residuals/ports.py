@@ -147,11 +147,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         ):
             return False  # it takes several runs, where there is something to explain
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
-        return self._fitted(z1).loglik > self.base_loglik() + LEAST_GAIN
-
-    def base_loglik(self) -> float:
-        """Return the likelihood of the log without any cause."""
-        return self.without_causes().loglik
+        return self._fitted(z1).loglik > self.without_causes().loglik + LEAST_GAIN
 
     @abstractmethod
     def _with_lines(self) -> np.ndarray:
