@@ -194,7 +194,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
             problem, self.sense, self.effects, interval=self.sampling_interval, position=self.position_scale
         )
         self.position_scale_ = evidence.position
-        found, [learned] = diagnose_evidence(evidence, self.effects, int(rng.randint(2**31 - 1)))
+        found, _, [learned] = diagnose_evidence(evidence, self.effects, int(rng.randint(2**31 - 1)))
         self.noise_floor_ = float(np.median(evidence.noise))
         self.explainable_floor_, self.explainable_share_ = learned.rms, learned.share
         self.scaling_ = replace(evidence.scales, target=evidence.equation.sense * evidence.scales.target)

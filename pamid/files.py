@@ -42,13 +42,9 @@ def write_whole(path: str | Path, data: bytes | str) -> Path:
     """Write a file beside its destination, flush it to disk and move it into place, see `replacing`."""
     path = Path(path)
     with replacing(path) as draft:
-        draft.write_bytes(encoded(data))
+        # Half of a surrogate pair in a log's names is written as a question mark.
+        draft.write_bytes(data.encode("utf-8", errors="replace") if isinstance(data, str) else data)
     return path
-
-
-def encoded(data: bytes | str) -> bytes:
-    """Return text as UTF-8; invalid characters, such as half of a surrogate pair in a log's names, as '?'."""
-    return data.encode("utf-8", errors="replace") if isinstance(data, str) else data
 
 
 def check_file(path: str | Path, size: int = PROBE) -> Path:

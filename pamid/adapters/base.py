@@ -53,8 +53,8 @@ class Adapter(Protocol):
         ...
 
     def rates(self, psi: Arrays) -> list[float]:
-        """Return a factor on the learning rate for each array of psi."""
-        ...
+        """Return a factor on the learning rate for each array of psi, 1 by default."""
+        return [1.0] * len(psi)
 
 
 @explained_fields

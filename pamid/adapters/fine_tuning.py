@@ -67,7 +67,3 @@ class FineTuning(Adapter):
 
         trained = {i // 2 for i in self._trained(source)}
         return gram(adjoint, tape, [k in trained for k in range(len(source) // 2)])
-
-    def rates(self, psi: Arrays) -> list[float]:
-        """Return 1 for each array."""
-        return [1.0] * len(psi)

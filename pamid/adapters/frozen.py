@@ -44,7 +44,3 @@ class Frozen(Adapter):
     def gram(self, source: Arrays, psi: Arrays, adjoint: Arrays, tape: Any) -> Any:
         """Return zeros."""
         return 0.0 * tape.y[:, None] * tape.y
-
-    def rates(self, psi: Arrays) -> list[float]:
-        """Return no rates."""
-        return []

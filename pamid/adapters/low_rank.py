@@ -95,7 +95,3 @@ class LowRank(Adapter):
             add_layer_gram(out, G @ B, H, bias=False)
             add_layer_gram(out, G, H @ A.T, bias=False)
         return out
-
-    def rates(self, psi: Arrays) -> list[float]:
-        """Return 1 for each array."""
-        return [1.0] * len(psi)

@@ -291,7 +291,7 @@ class BenchParameters(AnySimulator):
             if not isinstance(getattr(self, name), cls):
                 raise SimulatorTypeError(f"{name} is {getattr(self, name)!r}.", f"a {cls.__name__}", "Build one.")
         object.__setattr__(self, "tolerance", self._checked_tolerance())
-        object.__setattr__(self, "effects", self._checked_effects())
+        object.__setattr__(self, "effects", tuple(map(EffectSpec.of, self.effects or ())))
 
     def _checked_tolerance(self) -> dict[str, float]:
         if not isinstance(self.tolerance, Mapping):
@@ -304,11 +304,6 @@ class BenchParameters(AnySimulator):
                 value, f"tolerance.{name}", "-", 0.0, 0.9, "Tolerances are relative: 2 % is 0.02."
             )
         return checked
-
-    def _checked_effects(self) -> tuple[EffectSpec, ...]:
-        if not self.effects:
-            return ()
-        return tuple(EffectSpec.of(entry) for entry in self.effects)
 
     @classmethod
     def for_muscle(cls, name: str) -> Self:

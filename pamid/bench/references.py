@@ -67,10 +67,6 @@ class Trajectory:
         return len(self.q_ref) - self.lead
 
 
-def _number(value: float) -> str:
-    return f"{value:g}"
-
-
 def _times(samples: int, lead: float) -> tuple[np.ndarray, int]:
     n_lead = round(lead / PERIOD)
     return (np.arange(samples + n_lead) - n_lead) * PERIOD, n_lead
@@ -106,7 +102,7 @@ def sine(frequency: float, amplitude: float, samples: int, phase: float = 0.0, l
     """
     t, n_lead = _times(samples, lead)
     q = math.radians(amplitude) * np.sin(frequency * t + phase)
-    return Trajectory(f"sine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+    return Trajectory(f"sine-{frequency:g}-{amplitude:g}", q, n_lead)
 
 
 @explained_by(sine)
@@ -127,7 +123,7 @@ def triangle(frequency: float, amplitude: float, samples: int, phase: float = 0.
     """
     t, n_lead = _times(samples, lead)
     q = math.radians(amplitude) * 2.0 / math.pi * np.arcsin(np.sin(frequency * t + phase))
-    return Trajectory(f"triangle-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+    return Trajectory(f"triangle-{frequency:g}-{amplitude:g}", q, n_lead)
 
 
 @explained_by(sine)
@@ -155,7 +151,7 @@ def step(start: float, end: float, samples: int, at: float = 0.5, lead: float = 
     """
     t, n_lead = _times(samples, lead)
     q = np.where(t < at - 0.5 * PERIOD, math.radians(start), math.radians(end))
-    return Trajectory(f"step-{_number(start)}-{_number(end)}", q, n_lead)
+    return Trajectory(f"step-{start:g}-{end:g}", q, n_lead)
 
 
 @explained_by(sine)
@@ -192,7 +188,7 @@ def multisine(
     w = frequency * np.arange(1, tones + 1) / tones
     q = np.sin(w[:, None] * t + phases[:, None]).sum(0)
     q *= math.radians(amplitude) / np.abs(q).max()
-    return Trajectory(f"multisine-{_number(frequency)}-{_number(amplitude)}", q, n_lead)
+    return Trajectory(f"multisine-{frequency:g}-{amplitude:g}", q, n_lead)
 
 
 @explained_by(sine)
@@ -218,7 +214,7 @@ def hold(angle: float, samples: int, lead: float = LEAD) -> Trajectory:
     """
     t, n_lead = _times(samples, lead)
     q = np.where(t < -0.5 * lead, 0.0, math.radians(angle))
-    return Trajectory(f"hold-{_number(angle)}", q, n_lead)
+    return Trajectory(f"hold-{angle:g}", q, n_lead)
 
 
 @explained_by(hold)
@@ -244,7 +240,7 @@ def sealed_hold(angle: float, samples: int, after: float = 0.5, lead: float = LE
     """
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)
-    return Trajectory(f"sealed-{_number(angle)}", held.q_ref, n_lead, sealed=t >= after - 0.5 * PERIOD)
+    return Trajectory(f"sealed-{angle:g}", held.q_ref, n_lead, sealed=t >= after - 0.5 * PERIOD)
 
 
 @explained_by(sine)
@@ -271,7 +267,7 @@ def isobaric(frequency: float, amplitude: float, samples: int, muscle: int = 1, 
     if muscle not in (1, 2):
         raise ParameterError(f"There is no muscle {muscle!r}.", "1 or 2", "Name one of the two muscles.")
     moved = sine(frequency, amplitude, samples, lead=lead)
-    name = f"isobaric{muscle}-{_number(frequency)}-{_number(amplitude)}"
+    name = f"isobaric{muscle}-{frequency:g}-{amplitude:g}"
     return Trajectory(name, moved.q_ref, moved.lead, share=(0.0, 2.0) if muscle == 1 else (2.0, 0.0))
 
 
@@ -301,4 +297,4 @@ def isometric(angle: float, rise: float, samples: int, frequency: float = 1.0, l
     held = hold(angle, samples, lead)
     t, n_lead = _times(samples, lead)
     offset = rise * 0.5 * (1.0 - np.cos(frequency * np.maximum(t, 0.0)))
-    return Trajectory(f"isometric-{_number(angle)}-{_number(rise / 1e3)}", held.q_ref, n_lead, pressure_offset=offset)
+    return Trajectory(f"isometric-{angle:g}-{rise / 1e3:g}", held.q_ref, n_lead, pressure_offset=offset)

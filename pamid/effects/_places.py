@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+import numpy as np
+
 from ..signals.state import ROLES, Array
 from .base import Effect, Signals
 from .plant import Plant
@@ -34,6 +36,14 @@ class OfCommand(Effect):
     def command(self, u: Array, s: Signals, x: Array, plant: Plant) -> Array:
         """Return the output that follows the command."""
         return x[0]
+
+
+class Invertible(Effect):
+    """A fault that each reading shows by itself."""
+
+    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
+        """Return the values behind the readings."""
+        return self.restore_next(reading, reading, np.asarray(dt))
 
 
 class OfReading(Effect):

@@ -47,7 +47,6 @@ class Backlash(_LostMotion):
     """
 
     name = "backlash"
-    equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
     of = "position"
     prior = -6.0  # rare on a bench whose muscles pull against each other
@@ -123,7 +122,6 @@ class Play(Effect):
     """
 
     family = "hysteresis"
-    equations = ()
     roles = ("position", "velocity")
     source = "10.1016/S0005-1098(02)00047-X"
     half_width = parameter("-", 0.0, 0.1, 0.01, "half the play", position=1, essential=True)

@@ -51,6 +51,9 @@ EQUATIONS = ("force", "flow", "valve", "joint")
 HOOKS = ("force", "flow", "command", "supply", "valve", "torque", "measure", "adjust")
 """The hooks that an effect may override."""
 
+_ENTERED = {"command": "valve", "supply": "valve", "torque": "joint"} | {name: name for name in EQUATIONS[:3]}
+"""The equation that a hook enters, where that does not depend on the effect."""
+
 KINDS = ("bench", "muscle", "actuator", "joint", "motor", "gas")
 """What a diagnosis may be about: the antagonistic bench; one equation of a muscle, of the force of another actuator, of
 the torque of a joint or the voltage of its motor, of a flow."""
@@ -154,8 +157,8 @@ class Effect(ABC):
     """Name, unique in the library; without one it is no effect of the library, but of a port."""
     family: ClassVar[str]
     """Family of effects that are alike."""
-    equations: ClassVar[tuple[str, ...]]
-    """Equations that change, of `EQUATIONS`; for a sensor those that read it."""
+    equations: ClassVar[tuple[str, ...]] = ()
+    """Equations that change, of `EQUATIONS`: by default those that its hooks enter; for a sensor those that read it."""
     parameters: ClassVar[tuple[Parameter, ...]]
     """Parameters, in order: by default the attributes that are one, after those of the base that are not restated."""
     source: ClassVar[str]
@@ -200,6 +203,8 @@ class Effect(ABC):
         whole = cls.__doc__ and getattr(cls, "parameters", None) and not cls.__name__.startswith("_")
         if whole and cls.__module__.startswith("pamid.effects."):
             explain(cls)
+        if cls.name and not cls.equations:
+            cls.equations = tuple(dict.fromkeys(_ENTERED[hook] for hook in cls.hooks() if hook in _ENTERED))
         if "name" not in cls.__dict__:
             return  # a shared base, or of ports alone
         present = Effect.registry.get(cls.name)

@@ -24,7 +24,6 @@ class BraidGeometry(Effect):
 
     name = "braid_geometry"
     family = "geometry"
-    equations = ("force",)
     roles = ("position", "pressure")
     kinds = ("muscle",)
     on_braid = True
@@ -51,7 +50,6 @@ class EndCap(Effect):
 
     name = "end_cap"
     family = "elasticity"
-    equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
     kinds = ("bench",)  # a single muscle has the effective contraction, whose volume nobody measures
     source = "10.1109/37.833638"
@@ -120,7 +118,6 @@ class ConstantArea(Effect):
 
     name = "constant_area"
     family = "geometry"
-    equations = ("force",)
     roles = ("position", "pressure")
     kinds = ()  # it replaces the model's geometry and all that corrects it: used only by name
     source = "10.1115/DETC2017-67458"
@@ -163,7 +160,6 @@ class ThresholdPressure(Effect):
 
     name = "threshold_pressure"
     family = "elasticity"
-    equations = ("force",)
     roles = ("position", "pressure")
     kinds = ("muscle",)
     source = "10.1109/70.481753"
@@ -195,7 +191,6 @@ class ThreadExtensibility(Effect):
 
     name = "thread_extensibility"
     family = "elasticity"
-    equations = ("force", "flow")
     roles = ("position", "velocity", "pressure")
     source = "10.1109/70.481753"
     compliance = parameter("1/Pa", 0.0, 1e-6, 4e-8, "relative stretch per gauge pressure")

@@ -25,7 +25,6 @@ class ViscousFriction(Effect):
 
     name = "viscous_friction"
     family = "friction"
-    equations = ("force",)
     roles = ("velocity",)
     source = "10.1114/1.1554921"
     coefficient = parameter("N s", 0.0, 1e5, 60.0, "force per speed", linear=True, position=-1)
@@ -43,7 +42,6 @@ class DirectionalDamping(Effect):
 
     name = "directional_damping"
     family = "friction"
-    equations = ("force",)
     roles = ("velocity",)
     kinds = ("actuator", "joint", "motor")
     prior = -4.0  # friction alike in both directions is the simpler one
@@ -73,7 +71,6 @@ class QuadraticDrag(Effect):
 
     name = "quadratic_drag"
     family = "friction"
-    equations = ("force",)
     roles = ("velocity",)
     prior = -6.0  # one of the common effects is nearly always equivalent
     source = "10.1017/CBO9780511800955"
@@ -113,7 +110,6 @@ class BackEmf(Effect):
 
     name = "back_emf"
     family = "drive"
-    equations = ("joint",)
     roles = ("velocity",)
     site = "joint"
     kinds = ("motor",)

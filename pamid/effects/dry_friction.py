@@ -23,7 +23,6 @@ class _Bristles(Effect):
     """Dry friction that turns over within a displacement, by Dahl's bristles."""
 
     family = "friction"
-    equations = ("force",)
     n_states = 1
     path_dependent = True
     presliding: float

@@ -25,7 +25,6 @@ class DeadVolume(Effect):
 
     name = "dead_volume"
     family = "gas"
-    equations = ("flow",)
     roles = ("pressure_rate",)
     source = "10.1115/1.1286336"
     volume = parameter("m^3", 0.0, 1e-3, 1e-5, "dead volume", linear=True)
@@ -68,7 +67,6 @@ class PolytropicExponent(Effect):
 
     name = "polytropic_exponent"
     family = "gas"
-    equations = ("flow",)
     roles = ("position", "pressure_rate")
     source = "10.1115/1.1286336"
     exponent = parameter("-", 1.0, 1.4, 1.2, "exponent of the compression", symbol="n")
@@ -102,7 +100,6 @@ class HeatTransfer(Effect):
 
     name = "heat_transfer"
     family = "gas"
-    equations = ("flow",)
     roles = ("position", "velocity", "pressure", "pressure_rate")
     source = "10.1115/1.1286336"
     n_states = 1
@@ -192,7 +189,6 @@ class HeatLoss(Effect):
 
     name = "heat_loss"
     family = "gas"
-    equations = ("flow",)
     roles = ("pressure",)
     kinds = ()  # at temperatures alone
     domain = "temperature"
@@ -221,7 +217,6 @@ class Overflow(Effect):
 
     name = "overflow"
     family = "gas"
-    equations = ("flow",)
     roles = ("pressure",)
     kinds = ("gas",)
     source = "10.1016/j.ifacol.2017.08.071"
@@ -276,7 +271,6 @@ class SupplyDroop(Effect):
 
     name = "supply_droop"
     family = "valve"
-    equations = ("valve",)
     roles = ("command", "pressure")
     source = "ISO 6358-1:2013, ISO 6953-1:2015"
     n_states = 1

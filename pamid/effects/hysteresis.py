@@ -67,7 +67,6 @@ class Hysteresis(Effect):
 
     name = "hysteresis"
     family = "hysteresis"
-    equations = ("force",)
     roles = ("position",)
     source = "10.1007/s11831-009-9031-8"
     n_states = 2 * len(_ELEMENTS)
@@ -113,7 +112,6 @@ class PrandtlIshlinskii(_Stops):
     """
 
     name = "prandtl_ishlinskii"
-    equations = ("force",)
     of = "position"
     roles = ("position",)
     kinds = ("actuator",)
@@ -156,7 +154,6 @@ class PressureHysteresis(_Stops):
     """
 
     name = "pressure_hysteresis"
-    equations = ("force",)
     of = "pressure"
     roles = ("position", "pressure")
     kinds = ("muscle",)

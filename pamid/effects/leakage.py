@@ -21,7 +21,6 @@ class Leakage(Effect):
 
     name = "leakage"
     family = "gas"
-    equations = ("flow",)
     roles = ("pressure",)
     source = "ISO 6358-1:2013"
     conductance = parameter("m^3/(s Pa)", 0.0, 1e-7, 1e-10, "sonic conductance of the leak", linear=True)
@@ -66,7 +65,6 @@ class Passage(Effect):
     """
 
     family = "gas"
-    equations = ()
     roles = ("pressure",)
     source = "Merritt, Hydraulic Control Systems, 1967"
     conductance = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-9, "flow per difference", linear=True)

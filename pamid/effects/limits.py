@@ -164,7 +164,6 @@ class ForceLimit(Effect):
     """
 
     family = "drive"
-    equations = ()
     source = "10.1109/MCS.2003.1213600"
     limit = parameter("N", 1e-9, 1e9, 1.0, "largest force of the actuator", idle=True, points=6, symbol="F_s")
 

@@ -18,7 +18,6 @@ class Gravity(Effect):
 
     name = "gravity"
     family = "load"
-    equations = ("joint",)
     site = "joint"
     roles = ("position",)
     source = "10.1109/37.833638"
@@ -44,7 +43,6 @@ class PeriodicForce(Effect):
 
     name = "periodic_force"
     family = "load"
-    equations = ("joint",)
     site = "joint"
     roles = ("position",)
     kinds = ("actuator", "joint", "motor")

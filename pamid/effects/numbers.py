@@ -82,7 +82,6 @@ class ParameterDeviation(_Deviation):
     r"""A parameter that deviates by more than its tolerance: :math:`p' = p\,(1 + \delta)`, by any positive factor."""
 
     family = "parameter"
-    equations = ()
     of = "value"
     source = "10.1007/3-540-30368-5"
     deviation = parameter("-", -1.0 + 1e-6, 1e6, 0.1, "relative deviation", factor=True)
@@ -92,7 +91,6 @@ class ParameterDrift(Effect):
     r"""A parameter that drifts over the log: :math:`p' = p\,(1 + d\,(s - \tfrac12))`, s going from 0 to 1 along it."""
 
     family = "parameter"
-    equations = ()
     source = "10.1007/3-540-30368-5"
     drift = parameter("-", -0.9, 0.9, 0.1, "relative change from the beginning of the log to its end")
 
@@ -105,7 +103,6 @@ class ParameterDriftInRuns(Effect):
     r"""A parameter that drifts from its value anew in every run: :math:`p' = p\,(1 + r\,t)`, t since the run began."""
 
     family = "parameter"
-    equations = ()
     source = "10.1007/3-540-30368-5"
     rate = parameter("1/s", -0.9, 0.9, 0.1, "relative change per second")
 
@@ -124,7 +121,6 @@ class AddedInertia(Effect):
     """
 
     family = "load"
-    equations = ()
     source = "10.1007/978-1-4899-7560-7"
     inertia = parameter("-", 0.0, 50.0, 0.1, "inertia at the joint, as a share of its own")
     size = 1.0
@@ -148,7 +144,6 @@ class Payload(Effect):
     """
 
     family = "load"
-    equations = ()
     source = "10.1007/978-1-4899-7560-7"
     mass = parameter("kg", 0.0, 1e4, 0.1, "mass of the load", linear=True)
     x = parameter("m", -10.0, 10.0, 0.0, "its place along x of the body's frame", refines=True)

@@ -61,7 +61,6 @@ class Resonance(Effect):
 
     name = "resonance"
     family = "load"
-    equations = ("force",)
     roles = ("position", "velocity")
     kinds = ("actuator", "joint", "motor")
     prior = -2.0  # a rigid body is the simpler model

@@ -6,20 +6,11 @@ import numpy as np
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..signals.state import Array
-from ._places import OfAngle, OfFlow, OfForce, OfPressure
-from .base import Effect
+from ._places import Invertible, OfAngle, OfFlow, OfForce, OfPressure
 from .values import parameter
 
 
-class _Invertible(Effect):
-    """A fault that each reading shows by itself."""
-
-    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return the values behind the readings."""
-        return self.restore_next(reading, reading, np.asarray(dt))
-
-
-class _Offset(_Invertible):
+class _Offset(Invertible):
     """A constant added to every reading: parameter ``offset``."""
 
     offset: float
@@ -33,7 +24,7 @@ class _Offset(_Invertible):
         return reading - self.offset
 
 
-class _Sensitivity(_Invertible):
+class _Sensitivity(Invertible):
     """Every reading too large or too small by a factor: parameter ``deviation``."""
 
     deviation = parameter("-", -0.5, 0.5, 0.02, "relative deviation of the reading", linear=True)

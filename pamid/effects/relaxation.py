@@ -21,7 +21,6 @@ class _Branches(OnSignal):
     ratios: ClassVar[tuple[float, ...]]
     """Relaxation times over the time constant."""
     family = "viscoelasticity"
-    equations = ("force",)
     source = "10.1007/978-3-642-73602-5"
     time_constant: float
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..signals.state import Array
-from ._places import OfAngle
+from ._places import Invertible, OfAngle
 from .values import parameter
 
 _STEPS = 8
@@ -14,7 +14,7 @@ _STEEP = 0.1
 """Least slope of the reading that they take: below it, readings do not say where they come from."""
 
 
-class PeriodicReading(OfAngle):
+class PeriodicReading(Invertible, OfAngle):
     r"""An eccentric encoder disc, the pitch of a scale or screw, an interpolator out of tune.
 
     .. math:: q' = q + a\,\sin(n q) + b\,\cos(n q)
@@ -27,10 +27,6 @@ class PeriodicReading(OfAngle):
     def measure(self, value: Array, x: Array) -> Array:
         """Return q + a sin(n q) + b cos(n q)."""
         return value + self.sine * np.sin(self.rate * value) + self.cosine * np.cos(self.rate * value)
-
-    def restore(self, reading: Array, dt: float, starts: Array) -> Array:
-        """Return the positions behind the readings."""
-        return self.restore_next(reading, reading, np.asarray(dt))
 
     def restore_next(self, before: Array, reading: Array, dt: Array) -> Array:
         """Return the position behind a reading, by Newton's method."""

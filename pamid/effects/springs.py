@@ -21,7 +21,6 @@ class BladderElasticity(Effect):
 
     name = "bladder_elasticity"
     family = "elasticity"
-    equations = ("force",)
     roles = ("position",)
     source = "10.1115/1.482478"
     stiffness = parameter("N", 0.0, 1e5, 150.0, "force per contraction", linear=True, position=-1, symbol="k₁")
@@ -42,7 +41,6 @@ class BladderPreload(Effect):
 
     name = "bladder_preload"
     family = "elasticity"
-    equations = ("force",)
     roles = ("position",)
     kinds = ("muscle",)
     source = "10.1115/1.482478"
@@ -85,7 +83,6 @@ class Spring(Effect):
     r"""A spring that the simulator lacks, as of a cable, or between two ends: :math:`f = -k\,(\delta - \delta_0)`."""
 
     family = "elasticity"
-    equations = ()
     roles = ("position",)
     source = "10.1007/978-1-4899-7560-7"
     stiffness = parameter("N", 0.0, 1e6, 100.0, "force per travel", linear=True, essential=True, position=-1)
@@ -112,7 +109,6 @@ class UpperStop(Effect):
     """
 
     family = "load"
-    equations = ()
     roles = ("position", "velocity")
     prior = -2.0  # most joints end their travel before a stop does
     source = "10.1016/S0094-114X(02)00045-9"

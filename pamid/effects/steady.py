@@ -14,7 +14,6 @@ class SteadyForce(Effect):
     r"""A force that never changes, such as a weight, a preload or a wind: :math:`\Delta F = F_0`."""
 
     family = "load"
-    equations = ()
     roles = ("velocity",)
     source = "10.1007/978-1-4899-7560-7"
     size = parameter("N", -1e3, 1e3, 1.0, "force in the direction of the position", linear=True)
@@ -28,7 +27,6 @@ class SteadyInflow(Effect):
     r"""What flows into a store at all times alike, or out of it: :math:`\Delta\dot m = \dot m_0`."""
 
     family = "load"
-    equations = ()
     roles = ("pressure",)
     source = "10.1007/978-1-4899-7560-7"
     size = parameter("N", -1e3, 1e3, 1e-4, "inflow", linear=True)

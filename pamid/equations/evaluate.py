@@ -280,7 +280,7 @@ def evaluate_log(
         here, lacking = allowed_equations(piece, equations)
         allowed |= here
         skipped |= lacking
-        piece.require_trajectories()
+        _ = piece.trajectories  # raises where runs cannot be identified
         doubts = doubts or unit_doubts(piece, params, equations)
         begun = ""
         for trajectory, name, residual in residuals(piece, params, list(here)):

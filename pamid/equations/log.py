@@ -83,10 +83,6 @@ class BenchLog:
             )
         return [(str(names[codes[a]]), slice(a, b)) for a, b in runs]
 
-    def require_trajectories(self) -> None:
-        """Raise where runs cannot be identified, see `trajectories`."""
-        _ = self.trajectories
-
     @cached_property
     def times(self) -> list[np.ndarray]:
         """The times of each run, s; one that is missing, or does not increase, raises."""

@@ -42,10 +42,6 @@ class Model:
         self.effects: list[Effect] = self.params.make_effects()
         self.plant: Plant = self.params.plant()
 
-    def with_hook(self, hook: str) -> list[Effect]:
-        """Return the effects that override a hook."""
-        return [effect for effect in self.effects if hook in effect.hooks()]
-
 
 class Run:
     """Signals of one stretch of a log compared with a simulator."""
@@ -55,7 +51,7 @@ class Run:
         self.trajectory, self.time, self.dt, self.n = stretch.trajectory, stretch.time, stretch.dt, stretch.n
         self.channels = {name: x for name, x in stretch.readings.items() if name != "q"}
         self.q = stretch.readings["q"][:, 0]
-        faults = model.with_hook("measure")
+        faults = [effect for effect in model.effects if "measure" in effect.hooks()]
         # What a filter makes of the same readings is the same, and what a path leaves in the same bristles.
         self.smoothed = {} if faults else stretch.smoothed
         self.memories = remembered() if faults else stretch.memories
@@ -399,14 +395,9 @@ def _local_weights(width: int, deriv: int) -> np.ndarray:
     half = (width - 1) / 2
     powers = np.linalg.pinv(np.vander((np.arange(width) - half) / half, 5, increasing=True))
     at = (np.arange(width)[:, None] - half) / half
-    derivatives = np.array([_falling(k, deriv) for k in range(5)])
+    derivatives = np.array([np.prod(np.arange(k, k - deriv, -1.0)) for k in range(5)])  # k (k - 1) ...
     basis = derivatives * at ** np.maximum(np.arange(5) - deriv, 0)
     return np.asarray(basis @ powers / half**deriv)
-
-
-def _falling(k: int, deriv: int) -> float:
-    """Return the factor that derivatives put before a power: k (k - 1) ..."""
-    return float(np.prod(np.arange(k, k - deriv, -1)))
 
 
 def _response(effect: Effect, dt: float) -> np.ndarray:

@@ -200,7 +200,8 @@ def _choices(
         references += [_Reading("gauge pressure", 1.0, ambient), _Reading(twice, 1.0, -ambient)]
     for wiring, looks in _WIRINGS:
         if set(wiring) <= set(part.table.columns):
-            left = {key: s.error() for key, s in _sums(_rewired(part, wiring), params, names).items()}
+            rewired = part.read_as({column: sign * part.table[source] for column, (source, sign) in wiring.items()})
+            left = {key: s.error() for key, s in _sums(rewired, params, names).items()}
             reading = _Reading(looks)
             yield _Choice(_cost(left) + reading.price, dict.fromkeys(wiring, reading), left)
     for angle in (_AS_IT_IS, *_READINGS["q"]):
@@ -219,11 +220,6 @@ def _choices(
 def _read(log: BenchLog, readings: Readings) -> BenchLog:
     table = log.table
     return log.read_as({c: r.factor * table[c] + r.offset for c, r in readings.items() if c in table.columns})
-
-
-def _rewired(log: BenchLog, wiring: Mapping[str, tuple[str, float]]) -> BenchLog:
-    table = log.table
-    return log.read_as({column: sign * table[source] for column, (source, sign) in wiring.items()})
 
 
 def _sums(log: BenchLog, params: BenchParameters, names: list[str]) -> dict[Key, _Products]:

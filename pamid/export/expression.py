@@ -128,11 +128,6 @@ def _unknown(ufunc: Any) -> ExportError:
     return ExportError(f"The formula uses numpy.{ufunc.__name__}.", _KNOWN, "Write the formula with these.")
 
 
-def _expm1(x: Symbol) -> Symbol:
-    """Return e^x − 1 = tanh(x/2) (e^x + 1), which keeps its digits near 0."""
-    return node("tanh", 0.5 * x) * (node("exp", x) + 1.0)
-
-
 def _log1p(x: Symbol) -> Symbol:
     """Return log(1 + x) with the rounding of 1 + x compensated, which keeps its digits near 0."""
     whole = 1.0 + x
@@ -141,21 +136,13 @@ def _log1p(x: Symbol) -> Symbol:
     return node("where", abs(rest) > 0.0, node("log", whole) * (x / safe), x)
 
 
-def _copysign(size: Symbol, of: Symbol) -> Symbol:
-    return node("where", of < 0.0, -abs(size), abs(size))
-
-
-def _sign(x: Symbol) -> Symbol:
-    return node("where", x > 0.0, 1.0, node("where", x < 0.0, -1.0, 0.0))
-
-
 _MADE: dict[str, Callable[..., Symbol]] = {
     "clip": lambda x, low, high: node("min", node("max", x, low), high),
     "square": lambda x: x * x,
-    "sign": _sign,
-    "expm1": _expm1,
+    "sign": lambda x: node("where", x > 0.0, 1.0, node("where", x < 0.0, -1.0, 0.0)),
+    "expm1": lambda x: node("tanh", 0.5 * x) * (node("exp", x) + 1.0),  # keeps its digits near 0
     "log1p": _log1p,
-    "copysign": _copysign,
+    "copysign": lambda size, of: node("where", of < 0.0, -abs(size), abs(size)),
     "positive": lambda x: x,
 }
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,6 +15,7 @@ from .design.experiment import next_for_equation
 from .diagnosis.decide import Verdict
 from .diagnosis.result import Diagnosis
 from .engine import explain, rows_searched
+from .inference.floor import Learned
 from .inference.gauss_newton import Fitter
 from .inference.hypotheses import Outcome
 from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
@@ -39,8 +40,13 @@ DROWNED = "Readings were predicted: undoing a fault of one in the equations woul
 BURIED = "Readings were predicted: in each of the equations the gap is smaller than the noise."
 
 
-Judged = tuple[Diagnosis, PortEvidence]
-"""A diagnosis, and the evidence that it is of."""
+class Judged(NamedTuple):
+    """A diagnosis, and what it is of."""
+
+    found: Diagnosis
+    evidence: PortEvidence
+    learned: Sequence[Learned]
+    """The residuals of a learner on it."""
 
 
 class UnjudgedError(Exception):
@@ -58,10 +64,10 @@ def diagnose_at_ports(
     """Diagnose one log of a simulator with ports; `change` as in `explain`."""
     evidence = evidence_of(log, simulator, refit=True, say=say)
     judged = diagnose_evidence(evidence, effects, seed, say, change)
-    found = judged[0]
+    found = judged.found
 
     def cut() -> Judged:
-        return replace(found, notes=[*found.notes, INTERRUPTED]), judged[1]
+        return judged._replace(found=replace(found, notes=[*found.notes, INTERRUPTED]))
 
     def with_noise_of_inputs() -> Judged:
         if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
@@ -79,8 +85,8 @@ def diagnose_at_ports(
     for again in (with_noise_of_inputs, with_inputs_otherwise):
         if not found.interrupted:  # who interrupted the search waits for no other
             judged = unless_stopped(again, cut)
-            found = judged[0]
-    return tried(found, log, judged[1])
+            found = judged.found
+    return tried(found, log, judged.evidence)
 
 
 def diagnose_evidence(
@@ -91,7 +97,7 @@ def diagnose_evidence(
     change: Callable[[int], float] | None = None,
     begin: Spec | None = None,
 ) -> Judged:
-    """Return the diagnosis of a log's evidence, and the evidence that judged; `begin` as in `explain`."""
+    """Return the diagnosis of a log's evidence; `begin` as in `explain`."""
     left_out = untested(evidence, effects)
     asked = [name for name in evidence.library(effects) if evidence.has(name)]
     log, simulator = evidence.log, evidence.simulator
@@ -139,7 +145,7 @@ def diagnose_evidence(
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
-    return twice(lambda _: told(found, evidence)), evidence
+    return Judged(twice(lambda _: told(found, evidence)), evidence, known.learned)
 
 
 def in_question(outcome: Outcome) -> list[Spec]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from ..errors import PamidError
-from .diagnosis.findings import Cause
 from .diagnosis.result import Diagnosis
 
 if TYPE_CHECKING:
@@ -52,9 +51,6 @@ def tried(d: Diagnosis, log: pd.DataFrame, like: PortEvidence | None = None) -> 
         return d
     closure = [replace(c, again=shares.get(c.equation, math.nan)) for c in d.closure]
     left = {c.equation for c in closure if c.ci90[0] > 1.0 - c.ci90[0] and c.again < 1.0 - c.again}
-    causes = [_reserved(c) if c.equation in left else c for c in d.causes]
+    sure = [c.equation in left and c.grade == "sure" for c in d.causes]
+    causes = [replace(c, with_reserve=True, grade="reserve") if s else c for c, s in zip(d.causes, sure, strict=True)]
     return replace(d, closure=closure, causes=causes, with_reserve=any(c.with_reserve for c in causes))
-
-
-def _reserved(cause: Cause) -> Cause:
-    return replace(cause, with_reserve=True, grade="reserve") if cause.grade == "sure" else cause

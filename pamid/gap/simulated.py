@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pandas as pd
 
-from ..effects import Effect
 from ..errors import PamidError, ParameterError
 from ..simulators.base import Simulator
 from ..simulators.dimensions import unit_powers
@@ -91,7 +90,7 @@ def evidence_of(
             found, derived = by_position, by_position.derived
     if in_lines(found):
         straight = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
-        found = straight if lines or straight.base_loglik() > found.base_loglik() else found
+        found = straight if lines or straight.without_causes().loglik > found.without_causes().loglik else found
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other
@@ -209,36 +208,36 @@ class Library(NamedTuple):
     """The templates of each effect that was evaluated."""
     interrupted: bool
     """Whether the user interrupted the rest."""
-    share: float = 0.0
-    """Share of the gaps beyond the noise that a flexible learner predicts, where nothing was interrupted."""
+    learned: Sequence[Learned] = ()
+    """What a flexible learner leaves of each equation, where nothing was interrupted."""
+
+    @property
+    def share(self) -> float:
+        """Share of the gaps beyond the noise that it predicts."""
+        return float(np.mean([one.share for one in self.learned])) if self.learned else 0.0
 
 
 def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], None] = lambda _: None) -> Library:
     """Set the correlation time of each equation's unpredictable residual; return the templates."""
     known: dict[str, list[Template]] = {}
-    simple = [name for name in library if _is_simple(evidence.placements[name].effect)]
+    kinds = {name: evidence.placements[name].effect for name in library}
+    simple = [n for n, e in kinds.items() if all(p.linear for p in e.parameters) or issubclass(e, FIXED)]
     try:
         for k, name in enumerate([*simple, *(name for name in library if name not in simple)]):
             say(f"sensitivity to {in_words(name)}, {k + 1} of {len(library)}")
             known[name] = _templates(evidence, name)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
-        share = _remember(evidence, [t for name in library for t in known[name]], say)
+        learned = _remember(evidence, [t for name in library for t in known[name]], say)
     except KeyboardInterrupt as stop:
         stopped(stop)
         if not any(known.values()):
             raise
         return Library(known, True)
-    return Library(known, False, share)
+    return Library(known, False, learned)
 
 
-def _is_simple(effect: type[Effect]) -> bool:
-    """Return whether an effect is linear in its parameters, or a wrong number."""
-    return all(p.linear for p in effect.parameters) or issubclass(effect, FIXED)
-
-
-def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> float:
-    """Let a flexible learner set the correlation times; return the share of the gaps that it predicts."""
+def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[str], None]) -> list[Learned]:
     learned = list[Learned]()
     for equation, part in zip(evidence.equations, evidence.parts, strict=True):
         say(f"learn what could be explained, {len(learned) + 1} of {len(evidence.equations)}")
@@ -248,7 +247,7 @@ def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[
         mine = [t for t in mine if np.any(t.columns)]
         learned.append(explainable(view, mine, noise, enough=1.0 + EXCESS))
     evidence.remember([one.left for one in learned])
-    return float(np.mean([one.share for one in learned])) if learned else 0.0
+    return learned
 
 
 def _templates(evidence: PortEvidence, name: str) -> list[Template]:
@@ -276,7 +275,10 @@ def _view(evidence: PortEvidence, equation: str, part: slice) -> Learnable:
 def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
     """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
-    corrected = found.corrected if source is not None else corrected_simulator(evidence, found)
+    corrected = found.corrected
+    if source is None:  # its own effects, and the first of each cause
+        spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
+        corrected = evidence.corrected(spec, found.deviations)
     if not found.added:
         corrected = None if evidence.fitted is None else evidence.corrected({}, found.deviations)
     notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
@@ -348,12 +350,6 @@ def in_units(
         logs=[replace(f, parameters={k: _at(places[k], v) for k, v in f.parameters.items()}) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )
-
-
-def corrected_simulator(evidence: PortEvidence, found: Diagnosis) -> Simulator:
-    """Return the simulator with the causes added: its own effects, and the first of each cause."""
-    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
-    return evidence.corrected(spec, found.deviations)
 
 
 def _changed(change: Change, places: Mapping[str, Placement]) -> Change:

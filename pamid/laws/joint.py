@@ -42,11 +42,6 @@ class AntagonisticJoint:
         turn = self.pulley_radius * q / self.rest_length
         return self.initial_contraction + turn, self.initial_contraction - turn
 
-    def contraction_rates(self, dq: Array) -> tuple[Array, Array]:
-        """Return (ε̇₁, ε̇₂) in 1/s at joint speed ``dq`` (rad/s)."""
-        turn = self.pulley_radius * dq / self.rest_length
-        return turn, -turn
-
     def lengths(self, q: Array) -> tuple[Array, Array]:
         """Return (L₁, L₂) in m at joint angle ``q`` (rad)."""
         eps1, eps2 = self.contractions(q)

@@ -69,7 +69,8 @@ def estimates(log: pd.DataFrame, simulator: Simulator, names: Sequence[str], rea
 
     With ``read`` their errors include how the log is read: by how much they change where its settings are halved.
     """
-    simulator = with_tolerance(simulator, [n for n in names if n in simulator.parameters], _NEAR)
+    known, simulator = simulator.parameters, simulator.with_()
+    simulator.parameters = {k: replace(p, tolerance=_NEAR) if k in names else p for k, p in known.items()}
     evidence = evidence_of(log, simulator)
     mine = [n for n in evidence.free if n in names]
     scale = np.array([simulator.tolerance[n] * simulator.get(n) for n in mine])
@@ -174,10 +175,3 @@ def _agreement(
         return float("nan"), ""
     worst = names[int(np.argmax(total))]
     return float(min(1.0, len(names) * chi2.sf(total.max(), count - 1))), worst
-
-
-def with_tolerance(simulator: Simulator, names: Sequence[str], tolerance: float) -> Simulator:
-    """Return a simulator whose numbers of these names have a tolerance."""
-    out = simulator.with_()
-    out.parameters = {k: replace(p, tolerance=tolerance) if k in names else p for k, p in simulator.parameters.items()}
-    return out

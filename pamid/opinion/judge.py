@@ -184,6 +184,8 @@ def second_opinion(
     >>> "c" in said.absorbed, said.missing
     (True, ['coulomb_friction@x'])
     """
+    from scipy.stats import norm
+
     say, log = progress or (lambda _: None), as_pandas(log)
     several = not isinstance(after, str | Path | Mapping | FittedParameters)
     given: list[Any] = list(after) if several else [after]  # type: ignore[arg-type]
@@ -200,7 +202,7 @@ def second_opinion(
     about = found.corrected if found.corrected is not None else _moved(fitted, found)
     est = estimates(log, about, list(values))
     place = {n: k for k, n in enumerate(est.names)}
-    z = _quantile(LEVEL / max(len(values), 1))
+    z = float(norm.isf(0.5 * LEVEL / max(len(values), 1)))
     judged = []
     for name, number in fit.numbers.items():
         unit = about.parameters[name].unit
@@ -235,12 +237,6 @@ def _closes(found: Diagnosis) -> bool:
     shares = {e.equation: e.share for e in found.equations}
     closed = sum(shares.get(c.equation, 0.0) * c.closed_share for c in found.closure)
     return bool(found.gap and found.added and closed > MOST * sum(shares.values()))
-
-
-def _quantile(p: float) -> float:
-    from scipy.stats import norm
-
-    return float(norm.isf(p / 2.0))
 
 
 def _collapsed(number: FittedNumber, nominal: float) -> bool:

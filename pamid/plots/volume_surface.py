@@ -179,15 +179,10 @@ class VolumeSurfaceDisplay(Display):
                 self.ax_.contourf(x, y, (~self.known).astype(float), levels=[0.5, 1.5], colors=["white"], alpha=0.65)
             relative = 100 * self.V_std / np.maximum(np.abs(self.V), 1e-300)
             if np.ptp(relative) > 0:
-                steps = _round_steps(relative[self.known] if self.known.any() else relative)
+                known = relative[self.known] if self.known.any() else relative
+                steps = sorted({float(f"{v:.1g}") for v in np.quantile(known, [0.1, 0.35, 0.65, 0.9])})
                 lines = self.ax_.contour(x, y, relative, levels=steps, colors=[INK], linewidths=0.8)
                 self.ax_.clabel(lines, fmt=lambda v: f"±{v:g} %", fontsize=7)
             self.figure_.colorbar(filled, ax=self.ax_, label="volume V / cm³", format="%.3g")
             self.ax_.set(xlabel="contraction / %", ylabel="gauge pressure / bar")
         return self
-
-
-def _round_steps(values: np.ndarray) -> list[float]:
-    """Return a few levels of one digit that lie among values."""
-    found = {float(f"{v:.1g}") for v in np.quantile(values, [0.1, 0.35, 0.65, 0.9])}
-    return sorted(found)

@@ -112,14 +112,9 @@ def environment(templates: Path = _TEMPLATES) -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    made.filters["typeset"] = _typeset
+    made.filters["typeset"] = lambda text: typeset(_UNIT.sub("\u00a0", text))  # numbers stay with their units
     made.filters["bar"] = _bar
     return made
-
-
-def _typeset(text: str) -> str:
-    """Write powers as such, and keep numbers and their units on one line."""
-    return typeset(_UNIT.sub("\u00a0", text))
 
 
 def _bar(share: Any) -> str:

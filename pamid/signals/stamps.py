@@ -29,7 +29,7 @@ def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
             continue
         found = _seconds(stamps)
         if form in _TIMES:
-            found = _past_midnight(found)
+            found = found + 86_400.0 * np.cumsum(np.diff(found, prepend=found[:1]) < -43_200.0)  # past midnight
         if best is None or _span(found) < _span(best):
             best = found
     return best
@@ -37,12 +37,6 @@ def seconds_of_stamps(column: pd.Series) -> np.ndarray | None:
 
 def _seconds(stamps: pd.Series) -> np.ndarray:
     return ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(dtype=float, na_value=float("nan"))
-
-
-def _past_midnight(seconds: np.ndarray) -> np.ndarray:
-    """Add a day wherever a time of day jumps from evening to morning."""
-    falls = np.diff(seconds, prepend=seconds[:1]) < -43_200.0
-    return np.asarray(seconds + 86_400.0 * np.cumsum(falls))
 
 
 def _span(seconds: np.ndarray) -> float:

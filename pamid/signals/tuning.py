@@ -94,11 +94,6 @@ def derivative_risk(s: Spectrum, g: np.ndarray) -> float:
     return float(np.sum(s.omega**2 * (g * g * s.power - 2 * g * (s.power - s.number * s.variance))))
 
 
-def candidate_cutoffs(n: int, count: int = 48) -> np.ndarray:
-    """Return the possible cut-off frequencies of a signal of n samples."""
-    return np.geomspace(min(0.2, max(1.0 / n, 2e-4)), 0.4, count)
-
-
 def tune(
     signals: Sequence[np.ndarray],
     periods: Sequence[float],
@@ -109,7 +104,7 @@ def tune(
 ) -> float:
     """Choose the cut-off frequency with the least estimated error of the rate over all runs."""
     longest = max(len(y) for y in signals)
-    cutoffs = candidate_cutoffs(longest) / min(periods)
+    cutoffs = np.geomspace(min(0.2, max(1.0 / longest, 2e-4)), 0.4, 48) / min(periods)
     if noises is None:
         noises = [noise_level(y) for y in signals]
     runs = [(y, h, s) for y, h, s in zip(signals, periods, noises, strict=True) if len(y) >= 8]

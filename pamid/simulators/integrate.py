@@ -171,7 +171,9 @@ class Runner:
     ) -> np.ndarray:
         """Return the memory along runs whose states are known, shape (n_rows, n_memory, n_runs)."""
         rows, _, many = x.shape
-        table = dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), _run_by_run(x, u), strict=True))
+        # All rows of the first run, then those of the next.
+        rows_of = np.concatenate([s.transpose(1, 2, 0).reshape(s.shape[1], rows * many) for s in (x, u)])
+        table = dict(zip((*self.simulator.states, *paths, *self.simulator.inputs), rows_of, strict=True))
         starts, h, found = rows * np.arange(many), self.dt / self.substeps, [np.zeros((rows, 0, many))]
         for place, made in acting:
             if made.n_states:
@@ -233,11 +235,6 @@ class Runner:
         for k, name in enumerate(paths):
             added[n + k] = x[simulator.states.index(self.paths[name])]
         return added
-
-
-def _run_by_run(*signals: np.ndarray) -> np.ndarray:
-    """Return signals of all rows and runs, run after run, shape (n_signals, n_runs * n_rows)."""
-    return np.concatenate([x.transpose(1, 2, 0).reshape(x.shape[1], x.shape[0] * x.shape[2]) for x in signals])
 
 
 def _flat(rows: np.ndarray) -> np.ndarray:

@@ -42,7 +42,8 @@ class Pieces:
         import mujoco as mj
 
         self._ask, self._m, self._d = ask, m, d
-        nv, nu, most = m.nv, m.nu, _most_constraints(m)
+        nv, nu = m.nv, m.nu
+        most = int(2 * nv + 6 * m.neq + 2 * m.ntendon + 8)  # dry friction and limits, equations, some contacts
         self.x, self.p = x.copy(), p[:, 0].copy()
         read = _Reader(m, d, most)
         found = ask(x, u, p, read.size, read)
@@ -212,11 +213,6 @@ def _inverted(H: np.ndarray) -> np.ndarray:
     good = np.isfinite(H).all(axis=(0, 1))
     out[good] = np.linalg.inv(np.moveaxis(H[:, :, good], -1, 0))
     return out
-
-
-def _most_constraints(m: Any) -> int:
-    """Return how many constraints an instant may have: dry friction and limits, equations, some contacts."""
-    return int(2 * m.nv + 6 * m.neq + 2 * m.ntendon + 8)
 
 
 def _has_pieces(m: Any) -> bool:

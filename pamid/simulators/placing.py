@@ -78,7 +78,7 @@ class PortPlace:
             own |= {"Pa": found}
             flows = words.pop("kg", 0) + words.pop("m", 0) // 3
             words |= {"kg": flows, "s": words.get("s", 0) + flows}
-        if _frequency(p):  # it is no angle of the joint
+        if p.unit == "rad/s":  # it is no angle of the joint
             own = {"rad": "-"}
         return unit_text([*((own.get(w, w), n) for w, n in words.items() if n), (found, power)])
 
@@ -89,7 +89,7 @@ class PortPlace:
             top, least = self.reach / self.scales.target, self.least / self.scales.target
             p = replace(p, lower=max(0.05 * top, least), upper=top, nominal=max(0.6 * top, least))
         p = p.over(self.range_of, self.speed, self.turn)
-        if interval and _frequency(p):
+        if interval and p.unit == "rad/s":
             upper = max(min(p.upper, QUARTER / interval), 2.0 * p.lower)
             p = replace(p, upper=upper, nominal=min(p.nominal, 0.5 * upper))
         shortest = interval / effect.fastest
@@ -105,10 +105,6 @@ def powers_at(kind: str, effect: type[Effect]) -> Mapping[str, int]:
         return {}
     hook = "command" if "command" in effect.hooks() else "measure" if kind in ("input", "output") else "force"
     return powers(effect, hook) or {}
-
-
-def _frequency(p: Parameter) -> bool:
-    return p.unit == "rad/s"
 
 
 def hidden_of(effect: type[Effect], neutral: bool = True) -> tuple[str, ...]:

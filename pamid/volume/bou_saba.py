@@ -1,27 +1,21 @@
 """Braided cylinder with a free power of the stretch: a form of our own in the spirit of Bou Saba and coworkers."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..explained import explained_by
 from ..laws._backend import namespace
 from ..signals.state import Array, State
 from .base import VolumeJet
-from .classical import (
-    BRAID_ANGLE,
-    REST_DIAMETER,
-    REST_LENGTH,
-    ClassicalVolume,
-    FitParameter,
-    braid_factors,
-    cylinder_volume,
-)
+from .braided import BraidedVolume
+from .classical import FitParameter, braid_factors, cylinder_volume
 from .functions import force
 
 
+@explained_by(BraidedVolume)
 @dataclass(frozen=True)
-class BouSabaVolume(ClassicalVolume):
+class BouSabaVolume(BraidedVolume):
     r"""Volume that follows from the force of a braided cylinder with a free exponent.
 
     .. math:: F = \pi r_0^2\, p \left[\frac{3 (1 - \varepsilon)^\nu}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right]
@@ -34,12 +28,6 @@ class BouSabaVolume(ClassicalVolume):
 
     Parameters
     ----------
-    rest_length : float
-        L₀, m.
-    rest_diameter : float
-        D₀ = 2 r₀ at rest, m.
-    braid_angle : float
-        θ₀ at rest, rad.
     exponent : float, default=2
         ν, dimensionless.
 
@@ -67,22 +55,13 @@ class BouSabaVolume(ClassicalVolume):
     V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
-    rest_diameter: float
-    braid_angle: float
     exponent: float = 2.0
 
     name: ClassVar[str] = "bou_saba"
     parameters: ClassVar[tuple[FitParameter, ...]] = (
-        REST_LENGTH,
-        REST_DIAMETER,
-        BRAID_ANGLE,
+        *BraidedVolume.parameters,
         FitParameter("exponent", "-", 0.5, 8.0, True, "power ν of the stretch"),
     )
-
-    @classmethod
-    def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
-        """Return the model of a muscle of this geometry (m, m, rad) with the exponent 2."""
-        return cls(rest_length, rest_diameter, braid_angle)
 
     def jet(self, state: State) -> VolumeJet:
         """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P = 0 at each sample; needs ε < 1."""

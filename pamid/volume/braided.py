@@ -34,7 +34,7 @@ class BraidedVolume(ClassicalVolume):
     rest_length : float
         L₀, m.
     rest_diameter : float
-        D₀ at rest, m.
+        D₀ = 2 r₀ at rest, m.
     braid_angle : float
         Angle θ₀ of the threads to the axis at rest, rad.
 
@@ -60,7 +60,7 @@ class BraidedVolume(ClassicalVolume):
 
     @classmethod
     def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
-        """Return the model of a muscle of this geometry (m, m, rad)."""
+        """Return the model of a muscle of this geometry (m, m, rad), further numbers at their defaults."""
         return cls(rest_length, rest_diameter, braid_angle)
 
     def jet(self, state: State) -> VolumeJet:

@@ -1,30 +1,24 @@
 """Braided cylinder with conical ends and braid friction: Tondu and Lopez."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import ClassVar
 
 from ..constants import ATMOSPHERIC_PRESSURE
 from ..explained import explained_by
 from ..laws._backend import namespace
 from ..signals.state import Array, State
 from .base import VolumeJet
-from .classical import (
-    BRAID_ANGLE,
-    REST_DIAMETER,
-    REST_LENGTH,
-    ClassicalVolume,
-    FitParameter,
-    braid_factors,
-    cylinder_volume,
-)
+from .braided import BraidedVolume
+from .classical import FitParameter, braid_factors, cylinder_volume
 from .functions import force
 
 PRESSURE_SCALE = 1e5
 """Gauge pressure over which the end-cap correction decays, Pa: exp(−p) as quoted, read with p in bar."""
 
 
+@explained_by(BraidedVolume)
 @dataclass(frozen=True)
-class TonduLopezVolume(ClassicalVolume):
+class TonduLopezVolume(BraidedVolume):
     r"""Volume that follows from the static force of Tondu and Lopez.
 
     .. math:: F = \pi r_0^2\, p \left[a (1 - k\varepsilon)^2 - b\right], \quad a = \frac{3}{\tan^2\theta_0}, \quad
@@ -40,12 +34,6 @@ class TonduLopezVolume(ClassicalVolume):
 
     Parameters
     ----------
-    rest_length : float
-        L₀, m.
-    rest_diameter : float
-        D₀ = 2 r₀ at rest, m.
-    braid_angle : float
-        θ₀ at rest, rad.
     end_cap : float, default=1
         b_k: k at high pressure, dimensionless.
     end_cap_rise : float, default=0
@@ -73,8 +61,6 @@ class TonduLopezVolume(ClassicalVolume):
     V = 106.0 cm³, its slope over the contraction 350.4 cm³
     """
 
-    rest_diameter: float
-    braid_angle: float
     end_cap: float = 1.0
     end_cap_rise: float = 0.0
     atmospheric_pressure: float = ATMOSPHERIC_PRESSURE
@@ -82,17 +68,10 @@ class TonduLopezVolume(ClassicalVolume):
     name: ClassVar[str] = "tondu_lopez"
     depends_on_pressure: ClassVar[bool] = True
     parameters: ClassVar[tuple[FitParameter, ...]] = (
-        REST_LENGTH,
-        REST_DIAMETER,
-        BRAID_ANGLE,
+        *BraidedVolume.parameters,
         FitParameter("end_cap", "-", 0.5, 2.5, True, "end-cap factor k at high pressure (b_k)"),
         FitParameter("end_cap_rise", "-", -2.0, 5.0, False, "what k gains at zero gauge pressure (a_k)"),
     )
-
-    @classmethod
-    def from_geometry(cls, rest_length: float, rest_diameter: float, braid_angle: float) -> Self:
-        """Return the model of a muscle of this geometry (m, m, rad) without end-cap correction."""
-        return cls(rest_length, rest_diameter, braid_angle)
 
     def jet(self, state: State) -> VolumeJet:
         """Return V (m³), ∂V/∂ε (m³) and ∂V/∂P (m³/Pa) at each sample."""

@@ -112,6 +112,22 @@ def test_the_library_holds_the_vocabulary():
     assert set(VOCABULARY) <= set(EFFECTS)
 
 
+def test_an_effect_that_states_no_equations_has_those_that_its_hooks_enter():
+    class Both(Effect):
+        size = parameter("N", 0.0, 1.0, 0.5, "size")
+
+        def command(self, u, s, x, plant):
+            return u
+
+        def force(self, s, x, plant):
+            return 0.0
+
+    assert Both.equations == ()  # of ports alone
+    named = type("Named", (Both,), {"name": "both_at_once"})
+    del Effect.registry["both_at_once"]
+    assert named.equations == ("force", "valve") and named.narrowed().equations == named.equations
+
+
 @pytest.mark.parametrize("name", EFFECTS)
 def test_contract(name):
     effect = make_effect(name)

@@ -35,7 +35,7 @@ def moved(gain, rows=300, dt=2e-2, noise=3e-4):
 def test_a_large_cause_does_not_hide_that_inputs_go_in_lines():
     log = moved(1.06)
     held = ShootingEvidence(port_log(log, STAGE), STAGE, refit=True)
-    found, _ = diagnose_evidence(held, ["sensor_gain", "actuator_lag"], seed=0)
+    found = diagnose_evidence(held, ["sensor_gain", "actuator_lag"], seed=0).found
     lines = otherwise(held, found, log)
     assert not held.lines
     assert lines.lines

@@ -75,7 +75,7 @@ def test_a_whole_log_is_not_asked_for_what_a_part_has_shown(
     asked, touched = list[int](), PortEvidence._touched
     monkeypatch.setattr(part, "MOST_ANSWERS", 300)
     monkeypatch.setattr(PortEvidence, "_touched", lambda self, name: asked.append(self.log.n) or touched(self, name))
-    found, _ = diagnose_evidence(evidence, ["viscous_friction"], 0)
+    found = diagnose_evidence(evidence, ["viscous_friction"], 0).found
     assert found.verdict == "none" and not found.cannot_show
     assert evidence.log.n not in asked
 

@@ -8,6 +8,7 @@ import os
 import re
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -130,9 +131,7 @@ def run(args: argparse.Namespace) -> int:
     if args.designs is not None and not 8 <= args.designs <= 20_000:
         raise ParameterError(f"--designs is {args.designs}.", "8 to 20000", "Leave it out.")
 
-    def read(page: str) -> Any:
-        return read_simulator(page, trust=args.trust)
-
+    read = partial(read_simulator, trust=args.trust)
     history = read_history(args.folder, read(args.sim) if args.sim else None, read=read)
     started = time.perf_counter()
     with progress(args, "Designing") as step:
@@ -180,8 +179,8 @@ def _planned(args: argparse.Namespace, history: History, step: Callable[[str], N
         given |= {
             "limits": dict(_pair(text, "--limit", _range) for text in args.limit),
             "keep": dict(_pair(text, "--keep", _range) for text in args.keep),
-            "rates": dict(_pair(text, "--rate", _number) for text in args.rate),
-            "changes": [dict(_pair(t, "--change", _number) for t in text.split(",")) for text in args.change],
+            "rates": dict(_pair(text, "--rate", float) for text in args.rate),
+            "changes": [dict(_pair(t, "--change", float) for t in text.split(",")) for text in args.change],
             "seconds": args.seconds,
             "runs": args.runs,
         }
@@ -202,10 +201,6 @@ def _pair(text: str, option: str, value: Callable[[str], Any]) -> tuple[str, Any
 def _range(text: str) -> tuple[float, float]:
     low, _, high = text.partition(":")
     return float(low), float(high)
-
-
-def _number(text: str) -> float:
-    return float(text)
 
 
 def _limits(args: argparse.Namespace, history: History) -> Any:

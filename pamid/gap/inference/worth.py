@@ -19,7 +19,8 @@ class Worth:
         self.evidence, self.fitter = evidence, Fitter(evidence)
         self.further = 0.0
         self.discrepancy = Discrepancy(evidence)
-        self._longest = _longest_run(evidence)
+        runs = (evidence.time[evidence.run == run] for run in np.unique(evidence.run))
+        self._longest = max((float(np.ptp(times)) for times in runs), default=0.0)
         self._jacobians: dict[str, np.ndarray] = {}
         self.base = self.hypothesis(self.fitter.base())
 
@@ -157,8 +158,3 @@ class Worth:
             D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
             self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
         return self._jacobians[key], slots_of(self.evidence.effects, fit.spec)
-
-
-def _longest_run(evidence: ResidualSource) -> float:
-    """Return the time from the first to the last window of the longest run, s."""
-    return max((float(np.ptp(evidence.time[evidence.run == run])) for run in np.unique(evidence.run)), default=0.0)

@@ -21,6 +21,7 @@ from ...signals.state import ROLES
 from ..settings import LEAST_GAIN, OTHER_SYSTEMS
 from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
+from .settled import Settled
 from .whitening import Whitening
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ RECENT = 24
 """Residuals under effects that are kept, the last ones asked for."""
 
 
-class Evidence:
+class Evidence(Settled):
     """Residuals of the bench's equations on a log under changed simulators: a `ResidualSource`."""
 
     exact = True
@@ -180,14 +181,6 @@ class Evidence:
         """Return by how much the residuals change from effects to others, at deviations x."""
         return self.tangent(spec, x) - self.tangent(about, x)
 
-    def raw(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals, or changes of them, as the windows have them, in units of each window's noise."""
-        return self._whitening.raw(z)
-
-    def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals of the windows, or changes of them, with noise that is independent: the inverse of `raw`."""
-        return self._whitening.white(z)
-
     def _tolerances(self) -> np.ndarray:
         columns = []
         for name in self.free:
@@ -264,9 +257,6 @@ class Evidence:
         """Return what effects change in the residuals."""
         return self.change(spec, {}, np.zeros(len(self.free)))
 
-    def stepped(self) -> None:
-        """Return None: a bench has a method of integration of its own."""
-
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         return self.block, len(self.trajectories)
@@ -313,10 +303,6 @@ class Evidence:
     def _plant(self) -> Plant:
         return Model(self.params).plant
 
-    def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect also hold beside others."""
-        return None
-
     def reached(self, p: Parameter) -> Parameter:
         """Return a limit of the valves' command within the range of the command: beyond, it does nothing."""
         if not (p.idle and p.unit == "-" and self.reads("u")):
@@ -343,14 +329,6 @@ class Evidence:
             params = self.corrected(instant, dict(zip(self.free, map(float, x), strict=True)))
             self._spreads = {**dict(list(self._spreads.items())[-5:]), key: self._noise_under(params)}
         return self._spreads[key]
-
-    def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:
-        """Return None: how lags filter the noise is part of `widening`."""
-        return None
-
-    def scales_noise(self, spec: Spec) -> bool:
-        """Return False: no equation of a bench follows the noise of its readings so closely."""
-        return False
 
     def _noise_under(self, params: BenchParameters) -> np.ndarray:
         """Return the noise of each window under a simulator, as a share of the nominal one's."""

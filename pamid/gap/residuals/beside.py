@@ -18,6 +18,8 @@ from ...simulators.sizes import SignalSizes
 
 if TYPE_CHECKING:
     from .protocol import Active
+from .settled import Settled
+from .tolerances import Tolerances
 
 
 class Aside(NamedTuple):
@@ -28,27 +30,17 @@ class Aside(NamedTuple):
     """What one tolerance of it adds to the residuals."""
 
 
-class Beside(ABC):
+class Beside(Tolerances, Settled, ABC):
     """What the evidence of a log at ports needs in order to be stacked with other logs of the simulator."""
 
-    simulator: Simulator
     given: Simulator
     sizes: SignalSizes
     placements: Mapping[str, Placement]
-    twins: Mapping[str, str]
-    free: list[str]
-    about: np.ndarray
-    J: np.ndarray
-    skews: dict[str, np.ndarray]
-    z0: np.ndarray
-    noise: np.ndarray
     value: np.ndarray
     notes: list[str]
-    _own: Active
     _there: frozenset[str]
     _kept: Remembered[np.ndarray]
     _touches: dict[str, list[str]]
-    _laid: Remembered[np.ndarray]
     _nuisances: np.ndarray | None = None
     _aside: Aside | None = None
 
@@ -57,20 +49,12 @@ class Beside(ABC):
         """Compute residuals and slopes at the present starting values."""
 
     @abstractmethod
-    def _begin_from(self, x: np.ndarray) -> None:
-        """Change the simulator's parameters by multiples of their tolerances, from here on."""
-
-    @abstractmethod
     def _made_own(self) -> Active:
         """Return the simulator's own effects, made."""
 
     @abstractmethod
     def _twins(self) -> Mapping[str, str]:
         """Return the faults that commute with the simulator between them."""
-
-    @abstractmethod
-    def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals with noise that is independent from window to window."""
 
     @property
     def lasting(self) -> Collection[str]:

@@ -90,7 +90,8 @@ def better_derived(found: DirectEvidence) -> dict[str, str]:
 
 def motion_is_hidden(found: DirectEvidence) -> bool:
     """Return whether noise, steps or the time between rows hide the motion of positions from row to row."""
-    return bool(found.derived) and (buried(found) or coarse(found) or fast(found))
+    buried = any(noise > rms(modelled) for noise, modelled, _ in _accelerations(found))
+    return bool(found.derived) and (buried or coarse(found) or fast(found))
 
 
 def rates_are_hidden(found: DirectEvidence) -> bool:
@@ -112,11 +113,6 @@ PREDICTED_IF = (
 )  # fmt: skip
 """What predictions avoid, the longest stretches that it takes (0: whole runs), and what is said of a simulator for
 which they take too long."""
-
-
-def buried(found: DirectEvidence) -> bool:
-    """Return whether the noise of an acceleration exceeds its modelled value."""
-    return any(noise > rms(start) for noise, start, _ in _accelerations(found))
 
 
 def coarse(found: DirectEvidence) -> bool:

@@ -8,30 +8,23 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...signals.paths import turns_back
-from ...simulators.base import Simulator
 from ...simulators.damped import at_levers, levers_of
 from ...simulators.links import Link, links_of
-from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
+from .port_signals import PortSignals
 from .states import integral
 
 UNTURNED = -12.0
 """Logarithm of the odds of an effect that follows a path alone which was never seen to turn back."""
 
 
-class Paths(ABC):
+class Paths(PortSignals, ABC):
     """The paths along a log that effects at joints, and between two, depend on."""
 
-    log: PortLog
-    simulator: Simulator
     joints: list[JointPort]
     links: Sequence[Link] = ()
     _turning: dict[str, bool]
-
-    @abstractmethod
-    def signals(self) -> dict[str, np.ndarray]:
-        """Return all signals at each row of the log, by name."""
 
     @abstractmethod
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:

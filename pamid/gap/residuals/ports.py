@@ -22,24 +22,22 @@ from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort, some_instants
-from ..inference.student_t import RobustFit, scale, solve
+from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
 from .beside import Beside
 from .between_rows import NOTE, STEPS
 from .linked import UNTURNED, Paths
-from .port_signals import PortSignals
 from .port_windows import PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
-from .settled import Settled
-from .tolerances import MOST_LAID, SMALL, Tolerances, differ, rms
+from .tolerances import MOST_LAID, SMALL, differ, rms
 from .window_noise import WindowNoise
 
 MOST_KEPT = 256 * 2**20
 """Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
 
 
-class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals, ABC):
+class PortEvidence(WindowNoise, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -149,19 +147,7 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         ):
             return False  # it takes several runs, where there is something to explain
         z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
-        return self._fitted(z1).loglik > self.base_loglik() + LEAST_GAIN
-
-    def base_loglik(self) -> float:
-        """Return the likelihood of the log without any cause."""
-        return self.without_causes().loglik
-
-    def without_causes(self) -> RobustFit:
-        """Return the fit of parameters and clocks without any cause."""
-        return self._fitted(self.z0)
-
-    def _fitted(self, z: np.ndarray) -> RobustFit:
-        """Return the fit of parameters and clocks to white residuals."""
-        return solve(z, self.J, *self.ends, self.parts, self.weights)
+        return self._fitted(z1).loglik > self.without_causes().loglik + LEAST_GAIN
 
     @abstractmethod
     def _with_lines(self) -> np.ndarray:
@@ -281,14 +267,6 @@ class PortEvidence(Tolerances, WindowNoise, Settled, Beside, Paths, PortSignals,
         residual is correlated.
         """
         return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
-
-    def raw(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals as the windows have them, in units of each window's noise."""
-        return self._whitening.raw(z)
-
-    def white(self, z: np.ndarray) -> np.ndarray:
-        """Return residuals with noise that is independent from window to window: the inverse of `raw`."""
-        return self._whitening.white(z)
 
     def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
         """Return the parameters changed by multiples of their tolerances."""

@@ -1,15 +1,32 @@
-"""Residuals with settled initial memory, superposition and constant noise, as those of a simulator with ports."""
+"""What most residuals answer: settled initial memory, superposition, constant noise, a fixed integrator."""
 
 from __future__ import annotations
+
+from typing import Self
 
 import numpy as np
 
 from ...effects import Parameter
 from .protocol import Spec
+from .whitening import Whitening
 
 
 class Settled:
     """Methods of a `pamid.gap.residuals.protocol.ResidualSource` whose noise and initial memory no effect changes."""
+
+    _whitening: Whitening
+
+    def raw(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals, or changes of them, as the windows have them, in units of each window's noise."""
+        return self._whitening.raw(z)
+
+    def white(self, z: np.ndarray) -> np.ndarray:
+        """Return residuals of the windows, or changes of them, with noise that is independent: the inverse of `raw`."""
+        return self._whitening.white(z)
+
+    def stepped(self) -> Self | None:
+        """Return None: the integrator is that of the log."""
+        return None
 
     def freedom(self, spec: Spec) -> float:
         """Return the price of unknown initial memory of runs: here it is taken as settled."""

@@ -42,11 +42,6 @@ def earlier(x: np.ndarray, by: np.ndarray | float, log: PortLog) -> np.ndarray:
     return x - np.reshape(by, (-1, 1)) * 0.5 * (after(x, log) - before(x, log))
 
 
-def lateness(states: Sequence[str], derived: Sequence[str], order: int) -> np.ndarray:
-    """Return by how many samples the states are late in equations of an order, for steps of `SMALL`."""
-    return np.array([0.5 * SMALL * (order - (name in derived)) for name in states])
-
-
 def within_steps(
     base: np.ndarray, at_late: Callable[[np.ndarray], np.ndarray], states: Sequence[str], derived: Sequence[str],
     balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray,
@@ -56,7 +51,8 @@ def within_steps(
     out = np.zeros_like(base)
     for order in sorted({b.order for b in dynamic}):
         rows = [b.row for b in dynamic if b.order == order]
-        out[rows] = (at_late(lateness(states, derived, order)) - base)[rows] / SMALL
+        late = np.array([0.5 * SMALL * (order - (name in derived)) for name in states])
+        out[rows] = (at_late(late) - base)[rows] / SMALL
     yield STEPS, out
     if own > 0.0 and derived:
         late = at_late(np.array([0.5 * SMALL * (name in derived) for name in states]))

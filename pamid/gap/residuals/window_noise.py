@@ -9,18 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...remembered import Remembered
-from ...simulators.base import Simulator
-from ...simulators.port_log import PortLog
-from ..inference.student_t import RobustFit
+from ..inference.student_t import RobustFit, solve
 from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
 from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
+from .port_signals import PortSignals
 from .protocol import Active
 from .repeats import repeating
-from .tolerances import rms
+from .tolerances import Tolerances, rms
 from .whitening import Whitening, memory_of, smoothed
 
 if TYPE_CHECKING:
@@ -34,33 +32,20 @@ MEASURED = "The noise of {} counts: the residuals show it, so that it is measure
 _LEAST = 1e-6
 
 
-class WindowNoise(ABC):
+class WindowNoise(Tolerances, PortSignals, ABC):
     """The noise of the windows of a log at ports, estimated from the log itself."""
 
-    log: PortLog
-    simulator: Simulator
     simulates: bool
-    equations: list[str]
-    parts: list[slice]
     run: np.ndarray
     first: np.ndarray
     time: np.ndarray
-    value: np.ndarray
     measured: np.ndarray
-    noise: np.ndarray
-    weights: np.ndarray
     memory: np.ndarray
     notes: list[str]
     stretch: float
     pace: float
-    z0: np.ndarray
-    J: np.ndarray
-    free: list[str]
-    about: np.ndarray
     n: int
     _u: np.ndarray
-    _own: Active
-    _laid: Remembered[np.ndarray]
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
     hears_inputs = False
@@ -74,7 +59,6 @@ class WindowNoise(ABC):
     _unresolved: np.ndarray | float = 0.0
     _opened: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = ()
     """Jumps at unknown instants, how far rows may be off, and what noise this makes of each window."""
-    _whitening: Whitening
 
     @abstractmethod
     def _residual(
@@ -82,17 +66,13 @@ class WindowNoise(ABC):
     ) -> np.ndarray:
         """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
-    @abstractmethod
-    def _slopes_at(self, active: Active, x: np.ndarray, step: float = 1.0) -> np.ndarray:
-        """Return the change of the residuals by one tolerance of each parameter."""
-
-    @abstractmethod
     def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
+        return self._fitted(self.z0)
 
-    @abstractmethod
     def _fitted(self, z: np.ndarray) -> RobustFit:
         """Return the fit of parameters and clocks to white residuals."""
+        return solve(z, self.J, *self.ends, self.parts, self.weights)
 
     @abstractmethod
     def _under_inputs(self, u: np.ndarray) -> np.ndarray:
@@ -119,15 +99,11 @@ class WindowNoise(ABC):
         shown = [white_over(rows.noise(rng), self.log.spans, width) for _ in range(REPLICATES)]
         return float(np.sqrt(np.mean(np.square(shown))))
 
-    def _noisy(self) -> list[str]:
-        """Return the channels that are noisy readings; commands are exact."""
-        commands = self.simulator.inputs if self.simulator.form != "algebraic" else ()
-        return [name for name in self.log.channels if name not in commands]
-
     def _draw_noise(self) -> None:
         """Estimate the noise of each window from copies of the log with as much noise again."""
         rng = np.random.RandomState(0)
-        known = {n: self.channel_noise(n) for n in self._noisy()}
+        exact = self.simulator.inputs if self.simulator.form != "algebraic" else ()  # commands
+        known = {n: self.channel_noise(n) for n in self.log.channels if n not in exact}
         lasting = known if self.simulates else {}  # a rate of readings does not see an error that lasts
         self._copies = noisy_copies(REPLICATES, self.log, known, lasting, self.n, rng)
         drawn = np.stack([self._residual(self._own, self.simulator.numbers, c) - self.value for c in self._copies])

@@ -16,6 +16,7 @@ import numpy as np
 from ...effects import Parameter
 from ...remembered import Remembered
 from ..residuals.protocol import STATE, ResidualSource, Spec
+from ..residuals.settled import Settled
 from .variants import Variants
 
 KEPT = 1500
@@ -33,7 +34,7 @@ class Log(NamedTuple):
     """Logs of one day share what may change from day to day."""
 
 
-class StackedEvidence:
+class StackedEvidence(Settled):
     """Several logs as one source of residuals; a `pamid.gap.residuals.protocol.ResidualSource`."""
 
     lasting: Collection[str] = ()
@@ -249,9 +250,6 @@ class StackedEvidence:
         """Return whether an equation that is tested reads a channel."""
         return any(log.evidence.reads(channel) for log in self.logs)
 
-    def stepped(self) -> None:
-        """Return None: parameters of single logs are fixed."""
-
     def pieces(self) -> tuple[np.ndarray, int]:
         """Return the run of each window, which is left out as a whole, and how many there are."""
         each = [log.evidence.pieces() for log in self.logs]
@@ -263,10 +261,6 @@ class StackedEvidence:
     def freedom(self, spec: Spec) -> float:
         """Return the price of unknown initial memory of runs."""
         return sum(log.evidence.freedom(self.spec_in(k, spec)) for k, log in enumerate(self.logs))
-
-    def reach(self, spec: Spec) -> np.ndarray | None:
-        """Return None: sensitivities about no effect also hold beside others."""
-        return None
 
     def reached(self, p: Parameter) -> Parameter:
         """Return a parameter with bounds that any of the logs reaches."""
