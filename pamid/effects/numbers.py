@@ -131,6 +131,24 @@ class AddedInertia(Effect):
         return {"value": values["value"] + self.inertia * self.size}
 
 
+class ContactFriction(Effect):
+    r"""Dry friction as a solver of contacts has it: at rest it balances the drive, up to :math:`F_c`.
+
+    References
+    ----------
+    E. Todorov, "Convex and analytically-invertible dynamics with contacts and constraints", ICRA 2014.
+    https://doi.org/10.1109/ICRA.2014.6907751
+    """
+
+    family = "friction"
+    source = "10.1109/ICRA.2014.6907751"
+    amplitude = parameter("N", 0.0, 1e4, 1.0, "sliding friction", symbol="F_c")
+
+    def adjust(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the changed value."""
+        return {"value": values["value"] + self.amplitude}
+
+
 class Payload(Effect):
     r"""A load that the simulator leaves out: a point mass at a place of a body, in the body's frame.
 

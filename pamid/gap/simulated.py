@@ -158,7 +158,10 @@ def added(evidence: PortEvidence, found: Diagnosis) -> dict[str, dict[str, float
     """Return the effects that are added to a simulator, as its evidence has them."""
     spec = {}
     for cause in found.added:
-        key = "@".join([cause.effects[0], *cause.where[:1]])
+        at = cause.effects[0], *cause.where[:1]
+        there = [p for p in evidence.placements.values() if (p.name, p.port)[: len(at)] == at]
+        known = {p.key: {q.name for q in p.effect.parameters} for p in there}  # one law may be there in two forms
+        key = min((k for k, names in known.items() if cause.parameters.keys() <= names), key=lambda k: len(known[k]))
         spec[key] = evidence.placements[key].inward({k: p.value for k, p in cause.parameters.items()})
     return spec
 
@@ -342,11 +345,18 @@ def in_units(
     found: Diagnosis, places: Mapping[str, Placement], physical: Mapping[tuple[str, str], str] | None = None
 ) -> Diagnosis:
     """Return a diagnosis with effects and their ports apart, in the units of the ports."""
+    causes = [_cause(c, places, physical or {}) for c in found.causes]
+    told = dict[tuple[str, str], Candidate]()
+    for c in found.candidates:
+        at = _candidate(c, places)
+        told.setdefault((at.effect, at.where), at)
+    alone = found.verdict == "class" and all(len(c.effects) == 1 for c in causes)
     return replace(
         found,
-        causes=[_cause(c, places, physical or {}) for c in found.causes],
+        verdict="cause" if alone else found.verdict,
+        causes=causes,
         families=[_cause(c, places, physical or {}) for c in found.families],
-        candidates=[_candidate(c, places) for c in found.candidates],
+        candidates=list(told.values()),
         logs=[replace(f, parameters={k: _at(places[k], v) for k, v in f.parameters.items()}) for f in found.logs],
         changes=[_changed(c, places) for c in found.changes],
     )
@@ -402,9 +412,14 @@ def _cause(cause: Cause, places: Mapping[str, Placement], physical: Mapping[tupl
         {k: replace(p, physical=physical.get((name, k), "")) for k, p in _at(places[name], parameters).items()}
         for name, parameters in zip(cause.effects, (cause.parameters, *cause.others), strict=True)
     ]
-    names = tuple(places[e].name for e in cause.effects)
-    ports = tuple(places[e].port for e in cause.effects if places[e].port)
-    return replace(cause, effects=names, where=ports, parameters=first, others=tuple(others))
+    names = [places[e].name for e in cause.effects]
+    ports = [places[e].port for e in cause.effects]
+    known = [k for k, at in enumerate(zip(names, ports, strict=True)) if at in zip(names[:k], ports[:k], strict=True)]
+    for k in reversed(known):  # another form of one law
+        del names[k], ports[k], others[k - 1]
+    return replace(
+        cause, effects=tuple(names), where=tuple(filter(None, ports)), parameters=first, others=tuple(others)
+    )
 
 
 def _at(place: Placement, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:

@@ -293,7 +293,7 @@ class Simulator(AnySimulator):
             add(port.name, kind=port.kind, **own)
         none = {name for name, _ in self.joint_inertias().values()}
         none.update(name for load in self.carried().values() for name in load.numbers.values())
-        none.update(self.limits())
+        none.update((*self.limits(), *self.dry_joints().values()))
         numbers = {n: p for n, p in self.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
         if numbers:
             lines += ["", "[parameters]"]
@@ -375,6 +375,10 @@ class Simulator(AnySimulator):
 
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint the number to which additional inertia is added, and its present inertia."""
+        return {}
+
+    def dry_joints(self) -> dict[str, str]:
+        """Return for each joint without dry friction in the model's own solver the number that gives it some."""
         return {}
 
     def carried(self) -> dict[str, Carried]:

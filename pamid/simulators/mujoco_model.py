@@ -105,9 +105,10 @@ class MujocoSimulator(Simulator):
         self._actuators = actuators_of(self._m)
         self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
         given = dict(parameters or {})
-        for k, joint in enumerate(self._joints):  # zero by default, but a joint may turn out to have more inertia
-            number = ModelParameter(float(self._m.dof_armature[k]), 0.0, self._unit(f"dof_armature.{joint}"))
-            given.setdefault(f"dof_armature.{joint}", number)
+        own = {f"dof_armature.{j}": float(a) for j, a in zip(self._joints, self._m.dof_armature, strict=True)}
+        own |= dict.fromkeys(self.dry_joints().values(), 0.0)
+        for name, value in own.items():  # zero by default, but a joint may turn out to have more
+            given.setdefault(name, ModelParameter(value, 0.0, self._unit(name)))
         self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
         for kind in PAYLOAD:
             for body in self._hands:
@@ -160,6 +161,11 @@ class MujocoSimulator(Simulator):
     def joint_inertias(self) -> dict[str, tuple[str, float]]:
         """Return for each joint its armature, and its inertia where the model begins."""
         return {j: (f"dof_armature.{j}", float(M)) for j, M in zip(self._joints, self._own_inertias, strict=True)}
+
+    def dry_joints(self) -> dict[str, str]:
+        """Return the ``frictionloss`` of each joint that has none in the model."""
+        none = zip(self._joints, self._m.dof_frictionloss, strict=True)
+        return {j: f"dof_frictionloss.{j}" for j, own in none if own == 0.0}
 
     def carried(self) -> dict[str, Carried]:
         """Return for each body that may carry a payload the numbers of one."""

@@ -5,16 +5,24 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..effects.limits import ForceLimit
-from ..effects.numbers import AddedInertia, ParameterDeviation, ParameterDrift, ParameterDriftInRuns, Payload
+from ..effects.numbers import (
+    AddedInertia,
+    ContactFriction,
+    ParameterDeviation,
+    ParameterDrift,
+    ParameterDriftInRuns,
+    Payload,
+)
 from .base import Carried, Limited, Simulator
 from .placement import Placement, Scales
 from .sizes import SignalSizes
+from .structure import JointPort
 
 MOST_PAYLOAD = 10.0
 """Heaviest payload, in masses of the whole."""
 LEAST_LIMIT = 0.01
 """Least limit of an actuator's force, as a share of the largest force that it has without one."""
-FIXED = (ParameterDeviation, AddedInertia, Payload, ForceLimit)
+FIXED = (ParameterDeviation, AddedInertia, ContactFriction, Payload, ForceLimit)
 """Those that change numbers by a constant amount along a log."""
 
 
@@ -38,6 +46,8 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
             place = Scales(target=size)
             found.append(Placement(key, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units))
+    dry = simulator.dry_joints()
+    found += [_dry_friction(simulator, j, dry[j.name], survey) for j in survey.joints if j.name in dry]
     for name, limited in survey.limited.items():
         if simulator.get(limited.number) == 0.0 and limited.largest > 0.0:
             found.append(_force_limit(simulator, name, limited))
@@ -45,6 +55,16 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
         if simulator.get(load.numbers["value"]) == 0.0:
             found.append(_payload(body, load))
     return found
+
+
+def _dry_friction(simulator: Simulator, joint: JointPort, number: str, survey: SignalSizes) -> Placement:
+    """Return Coulomb friction of the simulator's own solver, whose law at low speed is another than the library's."""
+    size = survey.gaps.get(joint.name, survey.gaps.get(joint.velocity, 0.0))
+    size = size / survey.pushes.get((joint.through, joint.velocity), 1.0) or 1.0
+    [level], unit = ContactFriction.parameters, simulator.parameters[number].unit
+    effect = ContactFriction.narrowed(parameters=[replace(level, nominal=size, upper=100.0 * size)])
+    key, units = f"coulomb_friction@{number}", {"amplitude": unit}
+    return Placement(key, "coulomb_friction", joint.name, effect, "parameter", number, {}, Scales(), {}, units)
 
 
 def _force_limit(simulator: Simulator, name: str, limited: Limited) -> Placement:

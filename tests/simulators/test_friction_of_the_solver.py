@@ -1,0 +1,75 @@
+"""Dry friction that MuJoCo's own solver makes: at rest it balances the drive, which no law of the speed does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from pamid.gap import diagnose_simulator
+from pamid.gap.simulated import added, evidence_of
+from pamid.simulators import page_text, read_simulator
+
+mujoco = pytest.importorskip("mujoco")
+
+from pamid.simulators.mujoco_model import MujocoSimulator  # noqa: E402
+
+ARM = """<mujoco><option timestep="0.001" integrator="RK4"/><worldbody><body>
+<joint name="arm" axis="0 1 0" armature="0.002" damping="0.02"{}/>
+<geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.01" mass="0.1" contype="0" conaffinity="0"/></body></worldbody>
+<actuator><position name="servo" joint="arm" kp="4" kv="0.1"/></actuator></mujoco>"""
+DRY = ' frictionloss="0.15"'
+LIBRARY = ["coulomb_friction", "stribeck_friction", "viscous_friction", "hysteresis", "actuator_hysteresis"]
+
+
+def simulator_of(folder: Path, joint: str = "") -> MujocoSimulator:
+    path = folder / f"arm{len(joint)}.xml"
+    path.write_text(ARM.format(joint))
+    return MujocoSimulator(path)
+
+
+def log_of(joint: str, rows: int = 1000) -> pd.DataFrame:
+    model, rng, found = mujoco.MjModel.from_xml_string(ARM.format(joint)), np.random.default_rng(2), []
+    for run in "abc":
+        data, rate, phase = mujoco.MjData(model), 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
+        for k in range(rows):
+            u = 0.3 * float(np.sum(np.sin(rate * 0.01 * k + phase) - np.sin(phase)))
+            q, dq = data.qpos[0] + 1e-4 * rng.standard_normal(), data.qvel[0] + 2e-3 * rng.standard_normal()
+            found.append((run, 0.01 * k, u, q, dq))
+            data.ctrl[:] = u
+            mujoco.mj_step(model, data, nstep=10)
+    return pd.DataFrame(found, columns=["trajectory", "time", "servo", "arm_q", "arm_dq"])
+
+
+def test_friction_as_a_number_is_that_of_the_model(tmp_path):
+    plain, true = simulator_of(tmp_path), simulator_of(tmp_path, DRY)
+    assert plain.dry_joints() == {"arm": "dof_frictionloss.arm"}
+    assert not true.dry_joints()  # it has its own, which the library's law adds to
+    rubs = plain.with_({"dof_frictionloss.arm": 0.15})
+    x, u = np.random.default_rng(0).uniform(-1, 1, (2, 400)), np.random.default_rng(1).uniform(-1, 1, (2, 400))
+    rates = [s.rate(np.zeros(400), x, u, np.repeat(s.numbers[:, None], 400, axis=1)) for s in (rubs, true, plain)]
+    assert rates[0] == pytest.approx(rates[1], rel=1e-9)
+    assert not np.allclose(rates[0], rates[2])
+    assert "frictionloss" not in page_text(plain, tmp_path) and "frictionloss" in page_text(rubs, tmp_path)
+
+
+def test_friction_of_the_solver_is_coulomb_friction_and_written_as_frictionloss(tmp_path):
+    log, simulator = log_of(DRY), simulator_of(tmp_path)
+    found = diagnose_simulator(log, simulator, LIBRARY)
+    (cause,) = found.causes
+    assert (cause.effects, cause.where, cause.grade) == (("coulomb_friction",), ("arm",), "sure")
+    assert found.verdict == "cause"
+    assert cause.parameters["amplitude"].value == pytest.approx(0.15, rel=0.02)
+    assert cause.parameters["amplitude"].unit == "N m"
+    names = [(c.effect, c.where) for c in found.candidates]
+    assert len(names) == len(set(names))
+    evidence = evidence_of(log, simulator, refit=True)
+    assert list(added(evidence, found)) == ["coulomb_friction@dof_frictionloss.arm"]
+    assert found.corrected.get("dof_frictionloss.arm") == pytest.approx(0.15, rel=0.02)
+    folder = tmp_path / "corrected"
+    folder.mkdir()
+    again = found.corrected.write_corrected(folder, folder, lambda page: read_simulator(page, trust=True))
+    assert 'frictionloss="0.1' in (folder / "corrected.xml").read_text()
+    assert not again.effects
