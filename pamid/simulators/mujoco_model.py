@@ -99,23 +99,18 @@ class MujocoSimulator(Simulator):
         self._d = _mujoco().MjData(self._m)
         self._joints = _names(self._m, "joint")
         _mujoco().mj_forward(self._m, self._d)
-        M = np.zeros((self._m.nv, self._m.nv))
-        write_full_inertia(self._m, self._d, M)
-        self._own_inertias = np.diag(M).copy()
+        self._own_inertias = np.diag(write_full_inertia(self._m, self._d, np.zeros((self._m.nv, self._m.nv)))).copy()
         self._actuators = actuators_of(self._m)
         self._inputs = [*self._actuators, *(f"{j}_tau" for j in self._joints)]
         given = dict(parameters or {})
+        self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
         own = {f"dof_armature.{j}": float(a) for j, a in zip(self._joints, self._m.dof_armature, strict=True)}
         own |= dict.fromkeys(self.dry_joints().values(), 0.0)
-        for name, value in own.items():  # zero by default, but a joint may turn out to have more
+        own |= {f"{kind}.{body}": 0.0 for kind in PAYLOAD for body in self._hands}
+        ranked = list(self._actuators.values())
+        own |= {f"{FORCE}.{n}": ForceRange(self._m, ranked.index(n))[0] for n in self._bearers(FORCE)}
+        for name, value in own.items():  # none by default, but a model may lack some
             given.setdefault(name, ModelParameter(value, 0.0, self._unit(name)))
-        self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
-        for kind in PAYLOAD:
-            for body in self._hands:
-                given.setdefault(f"{kind}.{body}", ModelParameter(0.0, 0.0, self._unit(f"{kind}.{body}")))
-        for name in self._bearers(FORCE):  # unlimited in the model, but a servo may be too weak
-            own = ForceRange(self._m, list(self._actuators.values()).index(name))[0]
-            given.setdefault(f"{FORCE}.{name}", ModelParameter(own, 0.0, self._unit(f"{FORCE}.{name}")))
         self._bodies: dict[int, Body] = {}
         effects, delayed = list(effects), {where for name, where, _ in effects if name == "actuator_delay"}
         for k, name in enumerate(self._actuators):
@@ -373,13 +368,9 @@ class MujocoSimulator(Simulator):
         """Return the inertia matrix of the joints, shape (n, n_joints, n_joints)."""
         n = self._m.nv
         full = np.zeros((n, n))
-
-        def read() -> np.ndarray:
-            write_full_inertia(self._m, self._d, full)
-            return full.ravel()
-
         still, numbers = np.zeros((len(self._inputs), x.shape[1])), np.repeat(self.numbers[:, None], x.shape[1], axis=1)
-        return self._each(x, still, numbers, n * n, read).T.reshape(-1, n, n)
+        found = self._each(x, still, numbers, n * n, lambda: write_full_inertia(self._m, self._d, full).ravel())
+        return found.T.reshape(-1, n, n)
 
     def in_elements(self, but: Collection[str] = ()) -> MujocoSimulator:
         """Return the simulator with those of its effects that MJCF has elements for as numbers of its model.

@@ -19,14 +19,15 @@ def _version() -> tuple[int, ...]:
     return tuple(int(part) for part in mujoco.__version__.split(".")[:3] if part.isdigit())
 
 
-def write_full_inertia(m: Any, d: Any, out: np.ndarray) -> None:
-    """Write the inertia matrix of the joints."""
+def write_full_inertia(m: Any, d: Any, out: np.ndarray) -> np.ndarray:
+    """Write the inertia matrix of the joints, and return it."""
     import mujoco
 
     if _version() >= (3, 10):
         mujoco.mj_fullM(m, d, out)
     else:
         mujoco.mj_fullM(m, out, d.qM)
+    return out
 
 
 def write_moments(m: Any, d: Any, out: np.ndarray) -> None:
