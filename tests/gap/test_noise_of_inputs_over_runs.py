@@ -66,3 +66,11 @@ def test_half_as_long_predictions_begin_where_the_longer_ones_pass(held):
     begins = [s.first for s in halves.stretches]
     v = SERVO.states.index("v")  # which the log lacks
     assert np.allclose(halves.laid[v], held.along[v, begins], atol=0.03 * np.ptp(held.along[v]))
+
+
+def test_a_simulator_with_a_late_sensor_of_its_own_is_halved_too(held):
+    late = SERVO.with_({}, [("sensor_delay", "x", {"delay": 0.01})])
+    whole = ShootingEvidence(held.log, late)
+    halves = ShootingEvidence(held.log, late, like=whole, halves=True)
+    assert whole.along.shape == (3, held.log.n)
+    assert len(halves.stretches) == 2 * len(whole.stretches)

@@ -229,8 +229,8 @@ class PredictedEvidence(StretchEvidence):
     @property
     def along(self) -> np.ndarray:
         """The states along the log from the fitted initial states, shape (n_states, n)."""
-        p = np.repeat(self.simulator.numbers[:, None], self.log.n, axis=1)
-        return self._simulate(self._x0, self._u, p, self._own)[0]
+        drive = self._drive(self._own, self.simulator.numbers)
+        return self._simulate(self._x0, drive.u, drive.p, drive.acting)[0]
 
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
