@@ -68,9 +68,10 @@ def test_half_as_long_predictions_begin_where_the_longer_ones_pass(held):
     assert np.allclose(halves.laid[v], held.along[v, begins], atol=0.03 * np.ptp(held.along[v]))
 
 
-def test_a_simulator_with_a_late_sensor_of_its_own_is_halved_too(held):
+def test_a_simulator_with_a_late_sensor_of_its_own_is_halved_too():
     late = SERVO.with_({}, [("sensor_delay", "x", {"delay": 0.01})])
-    whole = ShootingEvidence(held.log, late)
-    halves = ShootingEvidence(held.log, late, like=whole, halves=True)
-    assert whole.along.shape == (3, held.log.n)
+    log = port_log(driven(rows=150), late)
+    whole = ShootingEvidence(log, late)
+    halves = ShootingEvidence(log, late, like=whole, halves=True)
+    assert whole.along.shape == (3, log.n)
     assert len(halves.stretches) == 2 * len(whole.stretches)
