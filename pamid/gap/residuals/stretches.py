@@ -54,7 +54,9 @@ class Segment(NamedTuple):
 
     @property
     def halves(self) -> list[Segment]:
-        """Both halves."""
+        """Both halves; the whole where they would be too short."""
+        if self.stop - self.first < 2 * SHORTEST:
+            return [self]
         middle = (self.first + self.stop) // 2
         return [Segment(self.first, middle), Segment(middle, self.stop)]
 
