@@ -16,7 +16,7 @@ from .base import Simulator
 from .between import Between, ends_of
 from .dimensions import unit_powers
 from .lever import Lever
-from .reciprocity import MOSTLY, SAME, Slopes, SomeInstants, factor_of, slopes
+from .reciprocity import MOSTLY, SAME, STEP, Slopes, SomeInstants, factor_of, slopes
 from .structure import JointPort, rate_unit, spread_numbers
 
 _FORCES = ("N", "N m")
@@ -424,11 +424,14 @@ def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
 
 
 def _gas(known: Slopes, level: str, piston: str) -> bool:
-    """Return whether a piston's influence on a pressure grows with the pressure."""
+    """Return whether a piston's influence on a pressure grows with the pressure.
+
+    It is asked at a share of the pressure itself: beside a high one, the range of a log may be too small to show it.
+    """
     names, at = known.simulator.states, known.at
     i, k = names.index(level), names.index(piston)
     x = at.x.copy()
-    x[i] += FAR * at.step[i]
+    x[i] += FAR * STEP * np.max(np.abs(x[i]))
     there = slopes(known.simulator, at._replace(x=x), [k])[i, 0]
     return bool(np.median(np.abs(there / known.J[i, k] - 1.0)) > 10.0 * SAME)
 

@@ -2,12 +2,14 @@
 
 import numpy as np
 import pandas as pd
+import pytest
 
 import pamid
 from pamid.effects import Signals
 from pamid.effects.leakage import PortLeakage
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, FunctionSimulator, Port
+from pamid.simulators.links import links_of
 
 
 def integrated(rate, x0, u, dt, parts):
@@ -165,6 +167,15 @@ def test_a_worn_seal_of_a_gas_cylinder_leaks_from_chamber_to_chamber():
     found = cause.parameters["conductance"]
     assert (cause.effects[0], cause.where, found.unit) == ("leakage", ("P1 and P2",), "m^3/s")
     assert abs(found.value - 4e-6) < 4e-7
+
+
+@pytest.mark.parametrize("swing", [1e5, 3e3])
+def test_a_gas_is_one_also_where_its_pressure_varies_little(swing):
+    t = np.arange(0.0, 2.0, 0.01)
+    wave = np.sin(5.0 * t)
+    x = np.array([0.1 + 0.02 * wave, 0.1 * np.cos(5.0 * t), 3.5e5 + swing * wave, 4.2e5 - swing * wave])
+    [link] = links_of(CYLINDER, [], [], t, x, 0.1 * wave[None])
+    assert (link.name, link.unit) == ("P1 and P2", "Pa m^3/s")
 
 
 def test_nothing_leaks_from_a_store_at_exactly_zero():

@@ -134,6 +134,7 @@ class Fitter:
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, linearised where the fit ends."""
+        x = self.evidence.folded(spec, x)[1]
         if self.evidence.bends:
             return self._descended(spec, x, LAID, FINAL, -np.inf, held=True)
         return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
@@ -147,9 +148,9 @@ class Fitter:
         behind: float = -np.inf,
     ) -> Fit:
         """Fit everything, beginning from a spec."""
-        x = np.zeros(self.n) if near is None else near
+        spec, x = self.evidence.folded(spec, np.zeros(self.n) if near is None else near)
         if self.evidence.bends:
-            return self._descended(joined(spec), x, LAID, min(gain, FINAL), behind)
+            return self._descended(spec, x, LAID, min(gain, FINAL), behind)
         found = self._refined(spec, x, steps, gain)
         for _ in range(ROUNDS - 1):
             if np.max(np.abs(found.x - x), initial=0.0) < NEAR or found.loglik < behind:

@@ -151,6 +151,10 @@ class Evidence(Settled):
         """Return the change of the residuals by one tolerance of each free parameter."""
         return self.J
 
+    def folded(self, spec: Spec, x: np.ndarray) -> tuple[dict[str, dict[str, float]], np.ndarray]:
+        """Return the same: a bench's effects have parameters of their own."""
+        return {name: dict(values) for name, values in spec.items()}, x
+
     @staticmethod
     def _piece(i: int, residual: Residual) -> tuple[np.ndarray, ...]:
         m, sides = residual.value.shape

@@ -95,6 +95,10 @@ class ResidualSource(Protocol):
         """Return the change of the residuals by one tolerance of each parameter, under effects, at deviations x."""
         ...
 
+    def folded(self, spec: Spec, x: np.ndarray) -> tuple[dict[str, dict[str, float]], np.ndarray]:
+        """Return the same effects and deviations, with no tolerance left that an effect contains."""
+        ...
+
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others nearby, to first order, at deviations x."""
         ...

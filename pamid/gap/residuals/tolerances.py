@@ -36,6 +36,7 @@ class Tolerances(ABC):
     """Sensitivities of residuals to a simulator's free parameters."""
 
     simulator: Simulator
+    given: Simulator
     free: list[str]
     about: np.ndarray
     z0: np.ndarray
@@ -96,9 +97,27 @@ class Tolerances(ABC):
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter, under a spec and deviations."""
         if not self.curved or not (spec or np.any(x)):
-            return self._linear_slopes(spec)
-        key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
-        return self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
+            found = self._linear_slopes(spec)
+        else:
+            key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
+            found = self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
+        within = [k for _, k in self._contained(spec)]
+        return np.where(np.isin(np.arange(len(self.free)), within), 0.0, found) if within else found
+
+    def folded(self, spec: Spec, x: np.ndarray) -> tuple[dict[str, dict[str, float]], np.ndarray]:
+        """Return the same simulator with the tolerance of each parameter that deviates made part of the deviation."""
+        out, x = {name: dict(values) for name, values in spec.items()}, np.array(x, dtype=float)
+        for name, k in self._contained(spec):
+            tolerance = self.given.parameters[self.free[k]].tolerance
+            within = 1.0 + tolerance * (self.about[k] + x[k])
+            out[name] = {p: within * (1.0 + v) - 1.0 for p, v in spec[name].items()}
+            x[k] = -self.about[k]
+        return out, x
+
+    def _contained(self, spec: Spec) -> list[tuple[str, int]]:
+        """Return deviations of parameters that have a tolerance: a fit of both would give each any share of the sum."""
+        at = [(name, name.removeprefix("parameter_deviation@")) for name in spec]
+        return [(name, self.free.index(one)) for name, one in at if one != name and one in self.free]
 
     def _linear_slopes(self, spec: Spec) -> np.ndarray:
         """Return the slopes of the linear case, where an effect on an input may change the input's nuisances."""

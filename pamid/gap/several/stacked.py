@@ -202,7 +202,7 @@ class StackedEvidence(Settled):
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each parameter, under effects, at deviations x."""
-        if not self.curved:
+        if not (self.curved or spec):
             return self.J
         out = np.zeros_like(self.J)
         for k, (log, place) in enumerate(zip(self.logs, self.places, strict=True)):
@@ -210,6 +210,20 @@ class StackedEvidence(Settled):
             for j, at in self._of[k]:
                 out[place, at] = found[:, j]
         return out
+
+    def folded(self, spec: Spec, x: np.ndarray) -> tuple[dict[str, dict[str, float]], np.ndarray]:
+        """Return the same with no tolerance left that an effect contains, as the first log with the effect has it."""
+        out, x = {name: dict(values) for name, values in spec.items()}, np.array(x, dtype=float)
+        for name in spec:
+            k = next((k for k in range(len(self.logs)) if self._is_there(name, k)), None)
+            if k is None:
+                continue
+            mine = self.deviations_in(k, x)
+            here, moved = self.logs[k].evidence.folded(self.spec_in(k, {name: out[name]}), mine)
+            [out[name]] = here.values()
+            for j, at in self._of[k]:
+                x[at] += moved[j] - mine[j]
+        return out, x
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others, at deviations x."""
