@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.servo_logs import servo_log
 
 from pamid.effects.limits import ForceLimit
 from pamid.gap import diagnose_simulator
@@ -34,16 +35,7 @@ def simulator_of(folder: Path, actuator: str = SERVO.format("")) -> MujocoSimula
 
 
 def log_of(actuator: str, rows: int = 800) -> pd.DataFrame:
-    model, rng, found = mujoco.MjModel.from_xml_string(ARM.format(actuator)), np.random.default_rng(2), []
-    for run in "abc":
-        data, rate, phase = mujoco.MjData(model), 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
-        for k in range(rows):
-            u = 0.4 * float(np.sum(np.sin(rate * 0.01 * k + phase) - np.sin(phase)))
-            q, dq = data.qpos[0] + 1e-4 * rng.standard_normal(), data.qvel[0] + 2e-3 * rng.standard_normal()
-            found.append((run, 0.01 * k, u, q, dq))
-            data.ctrl[:] = u
-            mujoco.mj_step(model, data, nstep=20)
-    return pd.DataFrame(found, columns=["trajectory", "time", "servo", "arm_q", "arm_dq"])
+    return servo_log(mujoco.MjModel.from_xml_string(ARM.format(actuator)), amplitude=0.4, rows=rows)
 
 
 def rates(simulator: MujocoSimulator, x: np.ndarray, u: np.ndarray) -> np.ndarray:

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
+from support.servo_logs import servo_log
 
 from pamid.gap import diagnose_simulator
 from pamid.gap.simulated import added, evidence_of
@@ -30,19 +30,6 @@ def simulator_of(folder: Path, joint: str = "") -> MujocoSimulator:
     return MujocoSimulator(path)
 
 
-def log_of(joint: str, rows: int = 1000) -> pd.DataFrame:
-    model, rng, found = mujoco.MjModel.from_xml_string(ARM.format(joint)), np.random.default_rng(2), []
-    for run in "abc":
-        data, rate, phase = mujoco.MjData(model), 2 * np.pi * rng.uniform(0.1, 0.8, 3), rng.uniform(0, 6, 3)
-        for k in range(rows):
-            u = 0.3 * float(np.sum(np.sin(rate * 0.01 * k + phase) - np.sin(phase)))
-            q, dq = data.qpos[0] + 1e-4 * rng.standard_normal(), data.qvel[0] + 2e-3 * rng.standard_normal()
-            found.append((run, 0.01 * k, u, q, dq))
-            data.ctrl[:] = u
-            mujoco.mj_step(model, data, nstep=10)
-    return pd.DataFrame(found, columns=["trajectory", "time", "servo", "arm_q", "arm_dq"])
-
-
 def test_friction_as_a_number_is_that_of_the_model(tmp_path):
     plain, true = simulator_of(tmp_path), simulator_of(tmp_path, DRY)
     assert plain.dry_joints() == {"arm": "dof_frictionloss.arm"}
@@ -56,7 +43,8 @@ def test_friction_as_a_number_is_that_of_the_model(tmp_path):
 
 
 def test_friction_of_the_solver_is_coulomb_friction_and_written_as_frictionloss(tmp_path):
-    log, simulator = log_of(DRY), simulator_of(tmp_path)
+    simulator = simulator_of(tmp_path)
+    log = servo_log(mujoco.MjModel.from_xml_string(ARM.format(DRY)), amplitude=0.3, rows=1000)
     found = diagnose_simulator(log, simulator, LIBRARY)
     (cause,) = found.causes
     assert (cause.effects, cause.where, cause.grade) == (("coulomb_friction",), ("arm",), "sure")
