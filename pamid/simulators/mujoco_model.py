@@ -105,7 +105,9 @@ class MujocoSimulator(Simulator):
         given = dict(parameters or {})
         self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
         own = {f"dof_armature.{j}": float(a) for j, a in zip(self._joints, self._m.dof_armature, strict=True)}
-        own |= dict.fromkeys(self.dry_joints().values(), 0.0)
+        dry = zip(self._joints, self._m.dof_frictionloss, strict=True)  # as loaded: an evaluation changes it
+        self._dry = {j: f"dof_frictionloss.{j}" for j, loss in dry if loss == 0.0}
+        own |= dict.fromkeys(self._dry.values(), 0.0)
         own |= {f"{kind}.{body}": 0.0 for kind in PAYLOAD for body in self._hands}
         ranked = list(self._actuators.values())
         own |= {f"{FORCE}.{n}": ForceRange(self._m, ranked.index(n))[0] for n in self._bearers(FORCE)}
@@ -159,8 +161,7 @@ class MujocoSimulator(Simulator):
 
     def dry_joints(self) -> dict[str, str]:
         """Return the ``frictionloss`` of each joint that has none in the model."""
-        none = zip(self._joints, self._m.dof_frictionloss, strict=True)
-        return {j: f"dof_frictionloss.{j}" for j, own in none if own == 0.0}
+        return self._dry
 
     def carried(self) -> dict[str, Carried]:
         """Return for each body that may carry a payload the numbers of one."""

@@ -46,7 +46,7 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
             place = Scales(target=size)
             found.append(Placement(key, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units))
-    dry = simulator.dry_joints()
+    dry = {joint: number for joint, number in simulator.dry_joints().items() if simulator.get(number) == 0.0}
     found += [_dry_friction(simulator, j, dry[j.name], survey) for j in survey.joints if j.name in dry]
     for name, limited in survey.limited.items():
         if simulator.get(limited.number) == 0.0 and limited.largest > 0.0:
