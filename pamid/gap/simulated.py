@@ -278,10 +278,9 @@ def _view(evidence: PortEvidence, equation: str, part: slice) -> Learnable:
 def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
     """Return a diagnosis with effects and their ports apart, in the units of the ports, and the corrected simulator."""
     places = evidence.placements
-    corrected = found.corrected
-    if source is None:  # its own effects, and the first of each cause
-        spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
-        corrected = evidence.corrected(spec, found.deviations)
+    # Its own effects, and the first of each cause.
+    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
+    corrected = found.corrected if source is not None else evidence.corrected(spec, found.deviations)
     if not found.added:
         corrected = None if evidence.fitted is None else evidence.corrected({}, found.deviations)
     notes, physical = _forces(evidence, found, corrected) if corrected is not None else ([], {})
@@ -295,7 +294,7 @@ def outward(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | 
         in_units(found, places, physical),
         notes=[*found.notes, *steps_taken(deviations, evidence.log.dt), *at_limits(evidence.given, deviations), *notes],
         windows=_windows(found, signals),
-        closure=_by_itself(evidence, found) if source is None and found.added else found.closure,
+        closure=_by_itself(evidence, found, spec) if source is None and found.added else found.closure,
         nominal=evidence.given,
         corrected=corrected,
         deviations=deviations,
@@ -317,9 +316,8 @@ def at_limits(simulator: Simulator, deviations: Mapping[str, float]) -> list[str
     return told
 
 
-def _by_itself(evidence: PortEvidence, found: Diagnosis) -> list[Closure]:
+def _by_itself(evidence: PortEvidence, found: Diagnosis, spec: Spec) -> list[Closure]:
     """Return the closure with that of the corrected simulator, nothing within a sample fitted."""
-    spec = {c.effects[0]: {k: p.value for k, p in c.parameters.items()} for c in found.added}
     none = {k: -v for k, v in zip(evidence.free, map(float, evidence.about), strict=True)}
     own = {k: v for k, v in found.deviations.items() if k in evidence.given.parameters}
     # Steps that a fit allowed for are set aside in evidence that needs none of them.
@@ -418,8 +416,9 @@ def _cause(cause: Cause, places: Mapping[str, Placement], physical: Mapping[tupl
     for k in reversed(known):  # another form of one law
         del names[k], ports[k], others[k - 1]
     return replace(
-        cause, effects=tuple(names), where=tuple(filter(None, ports)), parameters=first, others=tuple(others)
-    )
+        cause, effects=tuple(names), where=tuple(filter(None, ports)), parameters=first, others=tuple(others),
+        distinguished_by=cause.distinguished_by if others or not known else None,
+    )  # fmt: skip
 
 
 def _at(place: Placement, parameters: Mapping[str, ParameterEstimate]) -> dict[str, ParameterEstimate]:
