@@ -215,4 +215,4 @@ def test_steps_that_the_evidence_has_set_aside_are_nothing_to_allow_for() -> Non
     """A fit to a part of a log may have needed them."""
     evidence = SimpleNamespace(free=("d",), about=np.zeros(1), given=SimpleNamespace(parameters={"d": None}))
     found = SimpleNamespace(added=[], deviations={"d": 0.1, STEPS: 0.2}, closure=["as it was"])
-    assert _by_itself(evidence, found) == ["as it was"]
+    assert _by_itself(evidence, found, {}) == ["as it was"]
