@@ -292,7 +292,7 @@ class ShootingEvidence(LateJumps):
         found = np.zeros(len(self.noise))
         if np.any(numbers[1] != numbers[0]):
             found = found + self._changed(active, numbers[1], active, numbers[0])
-        for name, column in self.skews.items():
+        for name, column in self._skews_under(active).items():
             found = found + column * step[self.free.index(name)]
         return self._whitening.white(found / self.noise)
 

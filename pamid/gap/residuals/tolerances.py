@@ -96,9 +96,8 @@ class Tolerances(ABC):
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter, under a spec and deviations."""
-        if not self.curved or not (spec or np.any(x)):
-            found = self._linear_slopes(spec)
-        else:
+        found = self.J
+        if spec or np.any(x):
             key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
             found = self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
         within = [k for _, k in self._contained(spec)]
@@ -118,15 +117,6 @@ class Tolerances(ABC):
         """Return deviations of parameters that have a tolerance: a fit of both would give each any share of the sum."""
         at = [(name, name.removeprefix("parameter_deviation@")) for name in spec]
         return [(name, self.free.index(one)) for name, one in at if one != name and one in self.free]
-
-    def _linear_slopes(self, spec: Spec) -> np.ndarray:
-        """Return the slopes of the linear case, where an effect on an input may change the input's nuisances."""
-        skews, J = self._skews_under(self.active(spec)) if spec else self.skews, self.J
-        for name, column in skews.items():
-            if column is not self.skews[name]:
-                J = J.copy() if J is self.J else J
-                J[:, self.free.index(name)] = self._whitening.white(column / self.noise)
-        return J
 
     # --- what is unknown within a sample ------------------------------------------------------------------------
     def _timed(self, active: Active) -> dict[str, np.ndarray]:
