@@ -68,8 +68,11 @@ class Tolerances(ABC):
         """Return the parameters changed by multiples of their tolerances."""
 
     @abstractmethod
-    def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in the units of their equations."""
+    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
+        """Return the changes of the residuals by steps of the tolerances from deviations x, in their equations' units.
+
+        The steps are of numbers of the simulator: clocks act linearly.
+        """
 
     @abstractmethod
     def _again(self) -> None:
@@ -88,11 +91,6 @@ class Tolerances(ABC):
     def _named(self, x: np.ndarray) -> dict[str, float]:
         """Return deviations by the names of their parameters."""
         return dict(zip(self.free, map(float, x), strict=True))
-
-    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
-        """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
-        there, here = (self._exactly(active, self._named(v)) for v in (x + step, x))
-        return self._whitening.white((there - here) / self.noise)
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter, under a spec and deviations."""
@@ -154,8 +152,11 @@ class Tolerances(ABC):
 
     def _slopes_at(self, active: Active, x: np.ndarray, step: float = SMALL) -> np.ndarray:
         """Return the slopes under effects and deviations, by small steps."""
-        columns = [self._nudged(x, step * e, active) / step for e in np.eye(len(self.free))]
-        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+        skews = self._skews_under(active)
+        steps = [step * e for e, name in zip(np.eye(len(self.free)), self.free, strict=True) if name not in skews]
+        found = iter(self._moved_by(steps, x, active))
+        columns = [skews[name] if name in skews else next(found) / step for name in self.free]
+        return self._whitening.white((np.array(columns).reshape(-1, len(self.noise)) / self.noise).T)
 
     def _deviated(self, x: np.ndarray) -> np.ndarray:
         return self.z({}, self._named(x))
