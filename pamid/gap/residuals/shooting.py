@@ -287,7 +287,7 @@ class ShootingEvidence(LateJumps):
         return self._whitening.white(found / self.noise)
 
     def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return the changes of the residuals by steps of the tolerances from deviations x, to first order."""
+        """Return what steps of the tolerances from deviations x change, to first order."""
         return [self._changed(active, self._numbers_at(x + s), active, self._numbers_at(x)) for s in steps]
 
     def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:

@@ -69,7 +69,7 @@ class Tolerances(ABC):
 
     @abstractmethod
     def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return the changes of the residuals by steps of the tolerances from deviations x, in their equations' units.
+        """Return what steps of the tolerances from deviations x change, in the units of the equations.
 
         The steps are of numbers of the simulator: clocks act linearly.
         """
