@@ -154,7 +154,7 @@ class Tolerances(ABC):
         """Return the slopes under effects and deviations, by small steps."""
         skews = self._skews_under(active)
         steps = [step * e for e, name in zip(np.eye(len(self.free)), self.free, strict=True) if name not in skews]
-        found = iter(self._moved_by(steps, x, active))
+        found = iter(self._moved_by(steps, x, active) if steps else [])
         columns = [skews[name] if name in skews else next(found) / step for name in self.free]
         return self._whitening.white((np.array(columns).reshape(-1, len(self.noise)) / self.noise).T)
 
