@@ -1,10 +1,10 @@
 """What an estimator remembers of a stream: rows up to a bound, lossless below it, a fair sample above it.
 
 Below the bound a memory holds every row once, with the number of times that it came as its weight. Above the bound rows
-stay with a probability in proportion to their weight and share out the weight of all (P. S. Efraimidis, P. G. Spirakis,
-"Weighted random sampling with a reservoir", Information Processing Letters 97(5), 2006.
-https://doi.org/10.1016/j.ipl.2005.11.003), so that the memory stands for the whole stream. What has a memory of its own
-keeps or drops whole runs.
+stay with a probability in proportion to their weight, at most 1, by which their weight is divided: each part of the
+stream keeps its share, however many batches came after it (E. Cohen, N. Duffield, H. Kaplan, C. Lund, M. Thorup,
+"Stream sampling for variance-optimal estimation of subset sums", 2009. https://arxiv.org/abs/0803.0473). What has a
+memory of its own keeps or drops whole runs.
 
 Whether the stream has changed is nothing that a memory decides: `pamid.online.ChangeMonitor` tells it, at a stated rate
 of false alarms.
@@ -82,13 +82,22 @@ def bounded(rows: Rows, most: int, *, whole: bool, random: np.random.Generator) 
         return rows
     label = rows.unit if whole else np.arange(len(rows))
     names, inverse, size = np.unique(label, return_inverse=True, return_counts=True)
-    weight = np.bincount(inverse, weights=rows.weight) / size
-    order = np.argsort(-(random.uniform(size=len(names)) ** (1.0 / np.maximum(weight, 1e-12))), kind="stable")
-    fits = np.cumsum(size[order]) <= most
-    if not fits.any():  # one run is longer than the memory: its end stays
-        at = np.flatnonzero(inverse == order[0])[-most:]
-        return replace(rows.at(at), weight=np.full(len(at), rows.weight.sum() / len(at)))
-    kept = np.zeros(len(names), dtype=bool)
-    kept[order[fits]] = True
-    left = rows.at(kept[inverse])
-    return replace(left, weight=np.full(len(left), rows.weight.sum() / len(left)))
+    chance = _chances(np.maximum(np.bincount(inverse, weights=rows.weight) / size, 1e-12), size, most)
+    order = random.permutation(len(names))
+    passed = np.floor(np.cumsum(chance[order]) + random.uniform())
+    drawn = order[np.diff(passed, prepend=0.0) > 0.0]  # systematic sampling: chances are met exactly
+    if not len(drawn):  # runs so long that one of them is too many in the mean
+        drawn = random.choice(len(names), 1, p=chance / chance.sum())
+    fits = np.cumsum(size[drawn]) <= most
+    fits[0] = True  # of one run that is longer than the memory the end stays
+    kept = np.flatnonzero(np.isin(inverse, drawn[fits]))[-most:]
+    weight, total = rows.weight[kept] / chance[inverse[kept]], rows.weight.sum()
+    return replace(rows.at(kept), weight=weight * (total / weight.sum()) if total else weight)
+
+
+def _chances(weight: np.ndarray, size: np.ndarray, most: int) -> np.ndarray:
+    """Return in proportion to weights, at most 1, how likely each unit stays, so that `most` rows stay in the mean."""
+    order = np.argsort(-weight, kind="stable")
+    falling, rows = weight[order], size[order]
+    factor = (most - (np.cumsum(rows) - rows)) / np.cumsum((rows * falling)[::-1])[::-1]  # were those before it certain
+    return np.minimum(1.0, factor[np.argmax(factor * falling <= 1.0)] * weight)

@@ -326,6 +326,12 @@ def test_the_docs_stay_short() -> None:
     assert sum(counted.values()) <= 30_000, sorted(counted.items(), key=lambda item: -item[1])[:8]
 
 
+@pytest.mark.parametrize(("page", "before"), [("docs/adaptation.md", 1_235), ("benchmarks/papers.md", 1_454)])
+def test_two_pages_stay_half_as_long_as_they_were(page: str, before: int) -> None:
+    """Words at 30bf64a: what holds of the papers and of adaptation is said in half of them."""
+    assert words((ROOT / page).read_text(encoding="utf-8")) <= before / 2
+
+
 def test_the_readme_shows_little() -> None:
     """Two commands, one picture of a diagnosis, one table, twelve links: the rest is a page of its own."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -220,6 +220,8 @@ EFFECTS = {"none": np.inf, "hysteresis": 0.03, "friction": 0.002, "drift": None}
 begin to its end."""
 AT_LEAST = ("hysteresis", "drift")
 """What is told of estimators whose fits take long: a memory, and a change that no memory explains."""
+ALL = LINEAR | {"GeometricForce", "InverseModel", "InvertedForce", "NonlinearElastic", "StaticForceMap"}
+"""Of which all of them are told."""
 
 
 def bristle(x: np.ndarray, play: float) -> np.ndarray:
@@ -309,7 +311,7 @@ def test_a_stream_is_worth_a_fit(case, stream, sources):
 def test_the_order_of_time_takes_nothing_away(case, sources):
     """Whatever the stream has, row after row as they come: the fit of all rows, and no word of a change."""
     model, columns, target = of(case, sources)
-    for effect in EFFECTS if case in LINEAR else AT_LEAST:
+    for effect in EFFECTS if case in ALL else AT_LEAST:
         train, test = in_time(columns, 0, effect), in_time(columns, 1, effect)
         with warnings.catch_warnings():
             warnings.simplefilter("error", StreamChangeWarning)
