@@ -451,7 +451,8 @@ class StretchEvidence(PortEvidence):
         states, arrived = self._arrived(x0, numbers)
         sizes = np.minimum(np.std(states, axis=1), [self._full_turn(n) for n in self.simulator.states])
         apart = Influence(self._slopes(x0, numbers), self._of, len(self.stretches)).apart(arrived - x0, APART)
-        return max(rms(row) / size for row, size in zip(apart[:, 1:][:, on], sizes, strict=True) if size > 0.0)
+        pairs = zip(apart[:, 1:][:, on], sizes, strict=True)
+        return max((rms(row) / size for row, size in pairs if size > 0.0), default=0.0)
 
     def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return prediction errors, in units of each channel's noise, shape (n_shown, n)."""
