@@ -421,7 +421,7 @@ class StretchEvidence(PortEvidence):
 
     def _full_turn(self, name: str) -> float:
         """Return the deviation of an angle within a turn in which the simulator comes round; infinity of others."""
-        return self._round.get(name, np.inf) / np.sqrt(12.0)
+        return float(self._round.get(name, np.inf) / np.sqrt(12.0))
 
     def _missed(self, error: np.ndarray) -> float:
         """Return the largest prediction error as a share of a signal's deviation."""
