@@ -287,8 +287,12 @@ class ShootingEvidence(LateJumps):
         return self._whitening.white(found / self.noise)
 
     def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances from deviations x change, to first order."""
-        return [self._changed(active, self._numbers_at(x + s), active, self._numbers_at(x)) for s in steps]
+        """Return what steps of the tolerances from deviations x change, to first order.
+
+        Effects with a memory are left out: a response does not move what they remember.
+        """
+        at = [(place, made) for place, made in active if not (place.acts and made.n_states)]
+        return [self._changed(at, self._numbers_at(x + s), at, self._numbers_at(x)) for s in steps]
 
     def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under effects and numbers near others, whose run is known."""
