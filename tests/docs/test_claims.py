@@ -109,7 +109,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield "docs/logs.md", f"anything beyond {readings.BEYOND:.0e}".replace("e+", "e")
     yield "docs/logs.md", f"jump {readings._OF_JUMPS:g} times as far as others do"
     yield "docs/logs.md", f"or glitches exceed {100 * readings._MOST_GLITCHES:g} % of rows"
-    yield "docs/logs.md", f"most of an equation's error in up to {WORDS[evaluate._WORST]} windows"
+    yield "docs/logs.md", f"up to {WORDS[evaluate._WORST]} windows that cause most of an equation's error"
     sys.path.append(str(ROOT / "tests" / "signals"))
     from raw_logs import RAW_LOGS
 
