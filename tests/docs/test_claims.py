@@ -131,6 +131,10 @@ def models() -> Iterator[tuple[str, str]]:
 
 def counts() -> Iterator[tuple[str, str]]:
     """Parts of counts that pages give add up, on the page and where another repeats them."""
+    from pamid.systems.comparison import _models
+
+    known = len(_models(("speed", "nominal"), 0.0, 0))
+    yield "pamid/cli/commands/compare.py", f"For a cylinder or a joint, {WORDS[known]} models are compared:"
     text = page("docs/withheld.md")
     ((total, parts),) = re.findall(r"([\d,]+) cases \(([^)]*single)\)", text)
     each = {kind: int(n) for n, kind in re.findall(r"(\d+) ([a-z-]+)", parts)}
