@@ -76,9 +76,9 @@ def threads_for(m: Any) -> int:
     import mujoco as mj
 
     asked = os.environ.get("OMP_NUM_THREADS", "").partition(",")[0].strip()
-    touching = m.npair or np.any(m.geom_contype) and np.any(m.geom_conaffinity)
+    touching = m.npair or (np.any(m.geom_contype) and np.any(m.geom_conaffinity))
     constraints = 2 * m.njnt + m.nv + 6 * m.neq + 3 * m.ntendon
     roomy = m.narena > 16 * 8 * (constraints + m.nv) ** 2
-    if not roomy or touching and not m.opt.disableflags & int(mj.mjtDisableBit.mjDSBL_CONTACT):
+    if not roomy or (touching and not m.opt.disableflags & int(mj.mjtDisableBit.mjDSBL_CONTACT)):
         return 1
     return max(int(asked), 1) if asked.isdigit() else int(joblib.cpu_count())
