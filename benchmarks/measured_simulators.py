@@ -123,68 +123,6 @@ def tanks(folder: Path) -> None:
             print(f"  free run on {name}: RMSE {float(np.sqrt(np.mean(np.square(some['y'] - y)))):.3f} V")
 
 
-def tanks_fit(folder: Path) -> float:
-    """Print how far the levels' law gets with the sensor's end, an overflow, and outlets that are no sharp orifices.
-
-    An orifice lets through the square root of the level above it, a long pipe in laminar flow the level itself. Return
-    the error on validation, V, of the fit that is best on estimation.
-    """
-    from scipy.optimize import least_squares
-
-    d = pd.read_csv(folder / "dataBenchmark.csv")
-    dt = float(d["Ts"].dropna().iloc[0])
-
-    def runs(p: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Return the lower level for columns of k1 to k4, outlets, levels, overflow, its level, return, powers."""
-        h, out = p[6:8].copy(), np.empty((len(u), p.shape[1]))
-        for k, volt in enumerate(u):
-            out[k] = np.minimum(h[1], 10.0)
-            middle = h
-            for step in (dt / 4, dt / 2) * 2:
-                one, two = np.maximum(middle + p[4:6], 0.0) ** p[11:]
-                over = p[8] * np.maximum(middle[0] - p[9], 0.0)
-                rate = np.stack([p[3] * volt - p[0] * one - over, p[1] * one - p[2] * two + p[10] * over])
-                middle = np.clip(h + step * rate, -50.0, 200.0)
-                h = middle if step == dt / 2 else h
-        return out
-
-    def fitted(p: np.ndarray, free: np.ndarray, u: np.ndarray, y: np.ndarray) -> np.ndarray:
-        low = np.array([0.0] * 4 + [-0.2] * 2 + [-5.0] * 2 + [0.0, 3.0, 0.0, 0.2, 0.2])[free]
-        high = np.array([3.0] * 4 + [20.0] * 2 + [40.0] * 2 + [0.6, 40.0, 1.5, 1.0, 1.0])[free]
-
-        def at(x: np.ndarray) -> np.ndarray:
-            q = np.repeat(p[:, None], 1 if x.ndim == 1 else x.shape[1], axis=1)
-            q[free] = x.reshape(len(free), -1)
-            return runs(q, u)
-
-        def slopes(x: np.ndarray) -> np.ndarray:
-            h = 1e-5 * np.maximum(np.abs(x), 1e-2)
-            rows = at(np.column_stack([x, x[:, None] + np.diag(h)]))
-            return (rows[:, 1:] - rows[:, :1]) / h
-
-        start = np.clip(p[free], low + 1e-9, high - 1e-9)
-        size = np.maximum(np.abs(start), 0.02)
-        found = least_squares(lambda x: at(x)[:, 0] - y, start, slopes, (low, high), x_scale=size, max_nfev=60)
-        q = p.copy()
-        q[free] = found.x
-        return q
-
-    u, y, later, then = (d[c].to_numpy() for c in ("uEst", "yEst", "uVal", "yVal"))
-    plain = fitted(np.array([0.05] * 4 + [1.0, 1.0, 5.0, 5.0, 0.0, 1e3, 0.0, 0.5, 0.5]), np.arange(8), u, y)
-    begins = [plain] + [np.concatenate([plain[:8], [0.1, level, 0.5, 0.5, 0.5]]) for level in (7.0, 11.0, 14.0)] * 2
-    best = (np.inf, np.inf)
-    for p, free in zip(begins, (8, *(11,) * 3, *(13,) * 3), strict=True):
-        q = fitted(p, np.arange(free), u, y)
-        new = fitted(q, np.array([6, 7]), later[:50], then[:50])
-        errors = [float(np.sqrt(np.mean(np.square(runs(r[:, None], a)[:, 0] - b)))) for r, a, b in
-                  ((q, u, y), (new, later, then))]  # fmt: skip
-        best = min(best, (errors[0], errors[1]))
-        words = f"overflow from {q[9]:.1f} V on, {q[10]:.2f} of it returned" if free > 8 else "no overflow"
-        words += f", outlets by powers {q[11]:.2f} and {q[12]:.2f}" if free > 11 else ""
-        print(f"  tanks, {words}: RMSE {errors[0]:.3f} V on estimation, {errors[1]:.3f} V on validation")
-    return best[1]
-
-
 # --- falling balls --------------------------------------------------------------------------------------------
 def balls(folder: Path) -> None:
     """Diagnose each ball's fall against free fall, from heights alone."""
@@ -201,7 +139,6 @@ STUDIES: dict[str, tuple[Any, str]] = {
     "qube": (qube, "qube_pendulum"),
     "qube_clock": (qube_clock, "qube_pendulum"),
     "tanks": (tanks, "cascaded_tanks"),
-    "tanks_fit": (tanks_fit, "cascaded_tanks"),
     "balls": (balls, "falling_balls"),
 }
 

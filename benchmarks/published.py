@@ -12,23 +12,12 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks import _published_emps, _published_so101, measured_simulators
+from benchmarks import _published_emps, _published_so101, _published_tanks
 
-
-def tanks(folder: Path, plots: Path | None = None) -> None:
-    """Print free-run errors of two tanks beside what is published for them."""
-    print("Cascaded tanks: free-run error on the record for testing, V; published TSEM 0.33, NLSS2 0.34")
-    own = measured_simulators.tanks_fit(folder)
-    for target in TANKS:
-        print(f"  best on estimation: {own:.3f} V; target {target}: {'reached' if own <= target else 'missed'}")
-
-
-TANKS = (0.33, 0.18)
-"""Targets of named physics, and with a remainder, V."""
 STUDIES = {
     "emps": (_published_emps.study, "emps"),
     "so101": (_published_so101.study, "so101"),
-    "tanks": (tanks, "cascaded_tanks"),
+    "tanks": (_published_tanks.study, "cascaded_tanks"),
 }
 """Study, and the folder of its data."""
 

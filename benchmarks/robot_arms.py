@@ -2,7 +2,8 @@
 
 An arm of N joints with position servos lacks dry friction at one joint and damping at another. Every size runs in a
 process of its own; processor time is that of one core. Run with ``python benchmarks/robot_arms.py``; ``--rows`` and
-``--joints`` choose sizes, ``--against DIR`` takes turns with another checkout of pamid and prints ratios.
+``--joints`` choose sizes, ``--against DIR`` takes turns with another checkout of pamid and prints ratios. ``--samples``
+times the runs over single samples alone: by `mujoco.rollout` in threads, and by single calls.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ import pandas as pd
 
 JOINTS, ROWS, DT, STEP = 6, (2_000, 8_000), 0.01, 0.002
 ENCODER = 2.0 * np.pi / 4096
+ROUNDS = 7
 FRICTION, DAMPING = 0.25, 0.4
 """What the log has and the model lacks: N m of dry friction at the third joint, N m s/rad at the second."""
 
@@ -93,16 +95,55 @@ def apart(joints: int, rows: int, folder: Path) -> dict[str, object]:
     return dict(json.loads(out.stdout.splitlines()[-1]))
 
 
+def samples(joints: int, rows: int) -> None:
+    """Print the least time of the runs over each sample, of as many rounds, by `mujoco.rollout` and by single calls."""
+    from pamid.simulators import mujoco_model
+
+    rng, ways = (
+        np.random.default_rng(0),
+        {"mujoco.rollout, one thread": 1, "two threads": 2, "four": 4, "single calls": 0},
+    )
+    x, starts = rng.uniform(-0.3, 0.3, (2, 2 * joints, rows))
+    ends = starts + rng.uniform(-0.02, 0.02, starts.shape)
+    with tempfile.TemporaryDirectory() as folder:
+        page = Path(folder) / "arm.xml"
+        page.write_text(arm(joints))
+        simulator = mujoco_model.MujocoSimulator(page)
+        given = x, starts, ends, np.repeat(simulator.numbers[:, None], rows, axis=1), DT, STEP
+        known, least, answers = mujoco_model.rolls_out, dict.fromkeys(ways, (np.inf, np.inf)), []
+        for _ in range(ROUNDS):
+            for way, threads in ways.items():
+                os.environ["OMP_NUM_THREADS"] = str(max(threads, 1))
+                mujoco_model.rolls_out = known if threads else lambda: False
+                began = time.perf_counter(), time.process_time()
+                answers.append(simulator.own_steps(*given))
+                took = time.perf_counter() - began[0], time.process_time() - began[1]
+                least[way] = min(least[way][0], took[0]), min(least[way][1], took[1])
+        mujoco_model.rolls_out = known
+    print(
+        f"{joints} joints, {rows} samples of {round(DT / STEP)} steps, least of {ROUNDS} rounds, {os.cpu_count()} cores"
+    )
+    for way, (wall, cpu) in least.items():
+        print(f"  {way:27s} {wall:6.3f} s, {cpu:6.3f} s of CPU")
+    print(f"  largest difference {max(float(np.max(np.abs(a - answers[0]))) for a in answers):.0e}")
+
+
 def main() -> None:
     """Print a line for each size."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--joints", type=int, nargs="+", default=[JOINTS])
     parser.add_argument("--rows", type=int, nargs="+", default=list(ROWS))
     parser.add_argument("--against", type=Path, help="another checkout, for ratios side by side")
+    parser.add_argument("--samples", action="store_true", help="time the runs over single samples alone")
     parser.add_argument("--one", type=int, nargs=2, help=argparse.SUPPRESS)
     args = parser.parse_args()
     if args.one:
         print(json.dumps(one(*args.one)))
+        return
+    if args.samples:
+        for joints in args.joints:
+            for rows in args.rows:
+                samples(joints, rows)
         return
     here = Path(__file__).resolve().parents[1]
     print("joints   rows   first words   first cause   whole     cpu   answer")

@@ -1,5 +1,6 @@
 """Where a model and measured data part, which unmodelled effect is the cause, and how far the gap closes."""
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, replace
 from typing import Any, ClassVar, Self
@@ -99,7 +100,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         Regions, bands of frequency and runs in which the gap lies.
     candidates_, causes_, closure_ : list
         The library with confidences; the causes with shares, parameters and intervals; how far the gap closes.
-    next_experiment_ : NextExperiment or None
+    next_run_ : NextExperiment or None
         The run to record next: each signal held, or moved as a sine (amplitude in its unit, rad/s), within what the log
         visited, such that the two likeliest explanations differ most; None where nothing is undecided.
     effects_ : dict
@@ -247,7 +248,7 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         self.verdict_, self.gap_, self.p_value_ = found.verdict, bool(found.gap), float(found.p_value)
         self.where_ = {"regions": found.regions, "bands": found.bands, "trajectories": found.trajectories}
         self.candidates_, self.causes_, self.closure_ = found.candidates, found.causes, found.closure
-        self.next_experiment_ = found.next_experiment
+        self.next_run_ = found.next_run
         self.effects_ = {c.effects[0]: {k: float(p.value) for k, p in c.parameters.items()} for c in found.causes}
 
     @property
@@ -256,6 +257,14 @@ class GapDiagnoser(SequenceStreaming, SequenceScore, RegressorMixin, SignalEstim
         if not hasattr(self, "findings_"):
             raise AttributeError(f"{type(self).__name__} has no diagnosis before fit.")
         return rebuilt(self.findings_, self.windows_)
+
+    @property
+    def next_experiment_(self) -> Any:
+        """The old name of `next_run_`, for one version."""
+        if not hasattr(self, "next_run_"):
+            raise AttributeError(f"{type(self).__name__} has no next run before fit.")
+        warnings.warn("GapDiagnoser.next_experiment_ is called next_run_.", FutureWarning, stacklevel=2)
+        return self.next_run_
 
     def _problem(self, table: np.ndarray, y: np.ndarray, groups: np.ndarray, where: Any = None) -> Problem:
         """Return the equation on a table."""

@@ -30,7 +30,7 @@ from .errors import (
 from .explained import explained_by
 from .files import write_whole
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
 """Version of the file format that `save` writes; `load` reads this one and every earlier one."""
 
 Migration = Callable[[dict[str, Any], dict[str, Any]], tuple[dict[str, Any], dict[str, Any]]]
@@ -238,7 +238,14 @@ def _with_placements(head: dict[str, Any], schema: dict[str, Any]) -> tuple[dict
     return head, rename_attribute(schema, "pamid.estimators.gap_diagnoser.GapDiagnoser", "_inward_", None)
 
 
+def _with_the_next_run(head: dict[str, Any], schema: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Read a `GapDiagnoser` whose next run was called an experiment."""
+    kind = "pamid.estimators.gap_diagnoser.GapDiagnoser"
+    return head, rename_attribute(schema, kind, "next_experiment_", "next_run_")
+
+
 MIGRATIONS[1] = _with_placements
+MIGRATIONS[2] = _with_the_next_run
 
 
 # --- writing ------------------------------------------------------------------------------------------------

@@ -42,15 +42,23 @@ READER = Format("strange log", (".slog",), lambda head: head.startswith(b"STRANG
 NOT_A_READER = 7
 """
 
-DECLARED = """
-[pamid.effects]
-sleeve = stranger:SleeveSpring
-gone = stranger_that_is_not_there:Effect
-[pamid.simulators]
-strange = stranger:StrangeFunction
-[pamid.readers]
-slog = stranger:READER
-seven = stranger:NOT_A_READER
+PROJECT = """
+[build-system]
+requires = ["setuptools"]
+build-backend = "setuptools.build_meta"
+[project]
+name = "stranger-package"
+version = "1.0"
+[tool.setuptools]
+py-modules = ["stranger"]
+[project.entry-points."pamid.effects"]
+sleeve = "stranger:SleeveSpring"
+gone = "stranger_that_is_not_there:Effect"
+[project.entry-points."pamid.simulators"]
+strange = "stranger:StrangeFunction"
+[project.entry-points."pamid.readers"]
+slog = "stranger:READER"
+seven = "stranger:NOT_A_READER"
 """
 
 PAGE = """
@@ -106,18 +114,25 @@ print(len(pamid.read_log("run.slog")) == len(log))
 """
 
 
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder into which pip has installed the package of somebody else."""
+    pytest.importorskip("setuptools")
+    source, into = tmp_path_factory.mktemp("stranger"), tmp_path_factory.mktemp("site")
+    (source / "pyproject.toml").write_text(PROJECT)
+    (source / "stranger.py").write_text(PACKAGE)
+    command = "-m pip install --quiet --no-deps --no-index --no-build-isolation --disable-pip-version-check --target"
+    subprocess.run([sys.executable, *command.split(), str(into), str(source)], check=True, timeout=300)
+    return into
+
+
 @pytest.fixture
-def run(tmp_path: Path):
-    info = tmp_path / "stranger-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: stranger-package\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(DECLARED)
-    (tmp_path / "stranger.py").write_text(PACKAGE)
+def run(installed: Path, tmp_path: Path):
     (tmp_path / "page.toml").write_text(PAGE)
     root = Path(__file__).resolve().parents[1]
 
     def in_a_process(code: str) -> tuple[str, str]:
-        path = os.pathsep.join([str(tmp_path), str(root)])
+        path = os.pathsep.join([str(installed), str(root)])
         done = subprocess.run(
             [sys.executable, "-c", code], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True,
             text=True, timeout=300,

@@ -27,8 +27,8 @@ for ax, runs, title in zip(
 ):
     found = diagnose(simulate(simulator, runs, effects=truth, seed=0), simulator)
     print(fill(f"{title}: {answers(found).verdict}. {answers(found).which}", 96), "\n")
-    if found.next_experiment is not None:
-        print(fill(f"next: {found.next_experiment.trajectory}: {found.next_experiment.reason}", 96), "\n")
+    if found.next_run is not None:
+        print(fill(f"next: {found.next_run.trajectory}: {found.next_run.reason}", 96), "\n")
     named = found.causes[0].effects
     shown = {c.effect: 100 * c.confidence for c in found.candidates}
     words = ("dead_volume", "gas_temperature", "polytropic_exponent", "heat_transfer", "unknown")

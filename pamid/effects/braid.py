@@ -13,7 +13,7 @@ from .values import parameter
 
 
 class BraidGeometry(Effect):
-    r"""Braid whose diameter and angle, hence the areas by which it pulls and pushes, differ from the model's.
+    r"""Braid of another diameter and angle than the model's: pressure pulls and pushes on other areas.
 
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)
@@ -37,15 +37,15 @@ class BraidGeometry(Effect):
 
 
 class EndCap(Effect):
-    r"""Muscles of a bench whose active parts contract k times as much as the whole: conical or compliant ends.
+    r"""Conical or compliant ends of a bench's muscles: the active part contracts more or less than the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
         \Delta V = s \left(\frac{V(k\varepsilon) - V(0)}{k} - V(\varepsilon) + V(0)\right)
 
-    Conical ends make k larger than 1, compliant ones smaller. Force and volume follow from one another by virtual work:
-    s = 1 for ends of the assumed shape. Ends of another shape change it by a part; a force without a volume (s = 0)
-    would do work that no gas provides.
+    The active part contracts k times as much (``factor``): conical ends make k larger than 1, compliant ones smaller.
+    Force and volume follow from one another by virtual work: s = 1 for ends of the assumed shape. Ends of another shape
+    change it by a part; a force without a volume (s = 0) would do work that no gas provides.
     """
 
     name = "end_cap"
@@ -74,13 +74,13 @@ class EndCap(Effect):
 
 
 class EffectiveContraction(EndCap):
-    r"""Single muscle whose active part contracts k times as much as the whole.
+    r"""Stiff or compliant ends of a single muscle: the active part contracts more or less than the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)
 
-    Stiff fittings make k larger than 1; a braid that lengthens, or fittings that yield, smaller. The gas volume changes
-    as in `EndCap` with s = 1.
+    The active part contracts k times as much (``factor``). Stiff fittings make k larger than 1; a braid that lengthens,
+    or fittings that yield, smaller. The gas volume changes as in `EndCap` with s = 1.
 
     References
     ----------

@@ -116,7 +116,7 @@ class LoadDependentFriction(_Bristles):
 
 
 class DirectionalFriction(_Bristles):
-    r"""Dry friction, as of a seal, lip or gear, that differs forwards and backwards and changes with pressure.
+    r"""Dry friction of a seal, lip or gear: different forwards and backwards, and changing with pressure.
 
     .. math:: \Delta F = -(F_+ + \mu_+\,p)\,\max(z, 0) - (F_- + \mu_-\,p)\,\min(z, 0)
 

@@ -158,4 +158,4 @@ def in_question(outcome: Outcome) -> list[Spec]:
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:
     """Return a diagnosis in the units of the ports, of one equation with the run to record next."""
     run = next_for_equation(found.rivals, evidence) if isinstance(evidence, SignalEvidence) else None
-    return replace(outward(found, evidence, source), next_experiment=run)
+    return replace(outward(found, evidence, source), next_run=run)

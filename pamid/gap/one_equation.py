@@ -218,4 +218,5 @@ def plain(found: Diagnosis) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def rebuilt(fields: Mapping[str, Any], columns: Mapping[str, np.ndarray]) -> Diagnosis:
     """Return the diagnosis that `plain` took apart."""
     table = {k: v.astype(object) if v.dtype.kind == "U" else v for k, v in columns.items()}
-    return Diagnosis(**fields, nominal=None, corrected=None, windows=pd.DataFrame(table))
+    now = {"next_run" if k == "next_experiment" else k: v for k, v in fields.items()}  # files of format 2
+    return Diagnosis(**now, nominal=None, corrected=None, windows=pd.DataFrame(table))

@@ -300,8 +300,8 @@ def _next(found: Diagnosis, flat: Sequence[Open]) -> str:
     """Describe the run that is needed next; empty where none is."""
     from ..report.sentences import experiment
 
-    if found.next_experiment is not None:
-        return experiment(found.next_experiment)
+    if found.next_run is not None:
+        return experiment(found.next_run)
     if not flat:
         return ""
     names = ", ".join(dict.fromkeys(n for direction in flat for n in direction.weights))

@@ -92,7 +92,7 @@ class EquationSimulator(FunctionSimulator):
                     "one equation for each state (dNAME/dt) and output",
                     "Add it.",
                 )
-        rate = self._rates = Formulas(rates, known) if states else None
+        rate = self._rates = Formulas({name: rates[name] for name in states}, known) if states else None
         show = Formulas(shown, known) if outputs else None
         if rate is not None:
             super().__init__(rate, ports, parameters, output=show, form="ode", effects=effects)

@@ -22,7 +22,8 @@ from .mujoco_loading import given_state, loaded_model, running
 from .mujoco_loading import mujoco_module as _mujoco
 from .mujoco_loops import Loops
 from .mujoco_pieces import KeptPieces
-from .mujoco_versions import write_full_inertia
+from .mujoco_samples import SingleSteps, rolled
+from .mujoco_versions import rolls_out, write_full_inertia
 from .mujoco_written import CALLBACKS, NUMBERS, written
 from .ports import ModelParameter, Port, merged
 
@@ -33,8 +34,6 @@ _UNITS = {
     "payload_mass": ("kg", "kg"), **dict.fromkeys(PLACE, ("m", "m")),
 }  # fmt: skip
 """Units at a hinge and at a slide."""
-BEGIN = -1000.0
-"""Time at which steps over a sample begin, s: a model that goes beyond all bounds begins anew at rest, at 0."""
 _IN_REST = ("body_mass", "payload", "dof_armature", "actuator_gear")
 """Numbers from which MuJoCo computes others where the model begins."""
 
@@ -293,28 +292,25 @@ class MujocoSimulator(Simulator):
         exact: int = STEPS,
     ) -> np.ndarray:  # fmt: skip
         """Return the states a sample later by MuJoCo's own integrator, or for steps of 0 by its Runge-Kutta method."""
-        mj, m, d, nu = _mujoco(), self._m, self._d, self._m.nu
-        count = max(round(dt / step), 1) if step > 0.0 else exact
-        finite = np.isfinite(ends).all(axis=0)
-        moves, out, known = not np.array_equal(starts, ends), np.empty(2 * m.nv), (m.opt.timestep, m.opt.integrator)
+        m = self._m
+        count, known = max(round(dt / step), 1) if step > 0.0 else exact, (m.opt.timestep, m.opt.integrator)
 
-        def advance(k: int) -> None:
-            d.time, d.qacc_warmstart[:] = BEGIN, 0.0  # rows do not depend on their neighbours
-            for j in range(count):
-                if moves:
-                    u = starts[:, k] + (j + 0.5) / count * (ends[:, k] - starts[:, k])
-                    d.ctrl[:], d.qfrc_applied[:] = u[:nu], u[nu:]
-                mj.mj_step(m, d)
+        def singly(some: Any) -> np.ndarray:
+            way = SingleSteps(m, self._d, starts[:, some], ends[:, some], count)
+            found = self._each(x[:, some], starts[:, some], p[:, some], len(x), way.read, advance=way.advance)
+            return np.where(np.isfinite(ends[:, some]).all(axis=0), found, np.nan)
 
-        def read() -> np.ndarray:
-            out[0::2], out[1::2] = d.qpos, d.qvel
-            return out if abs(d.time - BEGIN - dt) < 0.5 * m.opt.timestep else lost
-
-        lost = np.full(len(out), np.nan)
         m.opt.timestep = dt / count
-        m.opt.integrator = known[1] if step > 0.0 else mj.mjtIntegrator.mjINT_RK4
+        m.opt.integrator = known[1] if step > 0.0 else _mujoco().mjtIntegrator.mjINT_RK4
         try:
-            return np.where(finite, self._each(x, starts, p, len(out), read, advance=advance), np.nan)
+            if not (rolls_out() and x.shape[1] and np.array_equal(p, np.repeat(p[:, :1], x.shape[1], axis=1))):
+                return singly(slice(None))
+            self._set(p[:, 0])
+            with running(self.path):
+                out = rolled(m, x, starts, ends, count)
+            lost = np.flatnonzero(np.isnan(out).any(axis=0))  # some of them by a mere warning
+            out[:, lost] = singly(lost)
+            return out
         finally:
             m.opt.timestep, m.opt.integrator = known
 

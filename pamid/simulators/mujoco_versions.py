@@ -51,6 +51,11 @@ def keeps_commands() -> bool:
     return _version() >= (3, 5)
 
 
+def rolls_out() -> bool:
+    """Return whether `mujoco.rollout` takes several sets of data, a thread each."""
+    return _version() >= (3, 2, 7)
+
+
 def spec_of(path: Path) -> Any:
     """Return a model as it is written, for changes."""
     import mujoco

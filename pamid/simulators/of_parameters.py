@@ -63,7 +63,7 @@ def _dry_friction(simulator: Simulator, joint: JointPort, number: str, survey: S
     size = size / survey.pushes.get((joint.through, joint.velocity), 1.0) or 1.0
     [level], unit = ContactFriction.parameters, simulator.parameters[number].unit
     effect = ContactFriction.narrowed(parameters=[replace(level, nominal=size, upper=100.0 * size)])
-    key, units = f"coulomb_friction@{number}", {"amplitude": unit}
+    key, units = f"coulomb_friction@{joint.name} (in the solver)", {"amplitude": unit}
     return Placement(key, "coulomb_friction", joint.name, effect, "parameter", number, {}, Scales(), {}, units)
 
 

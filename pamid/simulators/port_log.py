@@ -129,7 +129,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
             f"The log lacks {', '.join(lacking)}; it has {has}.",
             f"time, and a column for each input: {', '.join(p.source for p in wanted if p.name not in mute) or 'none'}",
             "Name the columns in [ports], or map them ('pamid init' writes both). A constant input needs "
-            "none if its port has start = VALUE.",
+            "none if its port has start = VALUE and no column.",
         )
     # A simulator of whole runs returns its outputs alone: states are where runs begin.
     shown = ("output",) if simulator.form == "run" else ("output", "state")

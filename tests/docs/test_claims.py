@@ -109,7 +109,7 @@ def files() -> Iterator[tuple[str, str]]:
     yield "docs/logs.md", f"anything beyond {readings.BEYOND:.0e}".replace("e+", "e")
     yield "docs/logs.md", f"jump {readings._OF_JUMPS:g} times as far as others do"
     yield "docs/logs.md", f"or glitches exceed {100 * readings._MOST_GLITCHES:g} % of rows"
-    yield "docs/logs.md", f"most of an equation's error in up to {WORDS[evaluate._WORST]} windows"
+    yield "docs/logs.md", f"up to {WORDS[evaluate._WORST]} windows that cause most of an equation's error"
     sys.path.append(str(ROOT / "tests" / "signals"))
     from raw_logs import RAW_LOGS
 
@@ -131,6 +131,10 @@ def models() -> Iterator[tuple[str, str]]:
 
 def counts() -> Iterator[tuple[str, str]]:
     """Parts of counts that pages give add up, on the page and where another repeats them."""
+    from pamid.systems.comparison import _models
+
+    known = len(_models(("speed", "nominal"), 0.0, 0))
+    yield "pamid/cli/commands/compare.py", f"For a cylinder or a joint, {WORDS[known]} models are compared:"
     text = page("docs/withheld.md")
     ((total, parts),) = re.findall(r"([\d,]+) cases \(([^)]*single)\)", text)
     each = {kind: int(n) for n, kind in re.findall(r"(\d+) ([a-z-]+)", parts)}

@@ -87,6 +87,14 @@ def test_a_covariance_that_is_none_is_trusted_less() -> None:
     np.testing.assert_allclose(w.raw(w.white(z)), z)
 
 
+def test_no_columns_stay_none() -> None:
+    """A simulator without tolerances has none."""
+    w = Whitening()
+    w.add(slice(0, 500), [np.full(500, -0.3)], 1)
+    for _ in range(100):
+        assert w.white(np.zeros((500, 0))).shape == (500, 0)
+
+
 def test_a_nominal_bench_with_lagging_sensors_is_whitened(log: pd.DataFrame) -> None:
     lagging = BENCH.replace(effects=[("pressure_lag", {"time_constant": 0.02}), ("force_lag", {"time_constant": 0.02})])
     evidence = Evidence(log, lagging)

@@ -18,7 +18,7 @@ def found(equation="joint", low=0.9, allowed=""):
     closure = Closure(equation, 2.0, 1.1, 1.0, 0.95, (low, 1.0), allowed=allowed)
     cause = Cause(("friction",), equation, 0.95, 0.95, (low, 1.0), {})
     blank = {"p_value": 0.0, "equations": [], "regions": [], "bands": [], "trajectories": [], "candidates": []}
-    rest = {"next_experiment": None, "notes": [], "nominal": None, "windows": None}
+    rest = {"next_run": None, "notes": [], "nominal": None, "windows": None}
     return Diagnosis(verdict="cause", causes=[cause], closure=[closure], corrected=object(), **blank, **rest)
 
 

@@ -382,10 +382,10 @@ def test_several_logs_that_leave_a_class_name_the_run_that_distinguishes_it() ->
     logs = {name: simulate(NOMINAL, slow, effects=["dead_volume"], seed=k) for k, name in enumerate(("one", "two"))}
     found = diagnose_logs(logs, NOMINAL, library)
     assert len(found.causes[0].effects) > 1
-    assert found.next_experiment is not None
-    assert set(found.next_experiment.separates) <= set(library)
-    assert found.next_experiment.trajectory in [run.as_dict() for run in STANDARD]
-    assert found.next_experiment.expected >= TELLS
+    assert found.next_run is not None
+    assert set(found.next_run.separates) <= set(library)
+    assert found.next_run.trajectory in [run.as_dict() for run in STANDARD]
+    assert found.next_run.expected >= TELLS
 
 
 def test_a_second_cause_takes_no_confidence_from_the_first() -> None:
@@ -425,7 +425,7 @@ def test_the_next_run_of_one_equation_stays_within_the_log() -> None:
     X = pd.DataFrame({"time": t, "eps": 0.1 + 0.05 * np.sin(w * t), "deps": 0.05 * w * np.cos(w * t)})
     y = -1.5 * X["deps"] + 0.2 * rng.standard_normal(len(X))
     library = ["viscous_friction", "coulomb_friction", "quadratic_drag"]
-    found = GapDiagnoser(effects=library, random_state=0).fit(X, y, groups=run).next_experiment_
+    found = GapDiagnoser(effects=library, random_state=0).fit(X, y, groups=run).next_run_
     assert found is not None and "viscous_friction" in found.separates
     swing = found.trajectory["eps_amplitude"]
     assert found.trajectory["eps"] - swing >= 0.05 and found.trajectory["eps"] + swing <= 0.15

@@ -186,6 +186,18 @@ def test_file_of_format_1_loads(name):
     np.testing.assert_allclose(got, expected["prediction"], rtol=1e-12)
 
 
+def test_the_old_names_of_the_next_run_serve_one_version():
+    model = load(DATA / "gap_diagnoser_format1.pamid")
+    found = model.diagnosis_
+    assert found.next_run == model.next_run_
+    with pytest.warns(FutureWarning, match="next_run_"):
+        assert model.next_experiment_ == model.next_run_
+    with pytest.warns(FutureWarning, match="next_run"):
+        assert found.next_experiment == found.next_run
+    told = json.loads(found.to_json())
+    assert told["next_experiment"] == told["next_run"]
+
+
 def test_trainers_of_pamid_are_kept(tmp_path):
     from pamid.estimators import StaticPIHM
 
@@ -212,9 +224,10 @@ def test_file_of_format_1_loads_through_migrations_of_later_versions(monkeypatch
 
     file = DATA / "model_format1.pamid"
     expected = load(file).predict(pd.DataFrame(json.loads((DATA / "model_format1.json").read_text())["X"]))
-    monkeypatch.setattr(persistence, "FORMAT_VERSION", 3)
+    monkeypatch.setattr(persistence, "FORMAT_VERSION", persistence.FORMAT_VERSION + 1)
     with pytest.raises(ModelVersionError, match="no longer reads"):
         load(file)
+    monkeypatch.setattr(persistence, "FORMAT_VERSION", 3)
     monkeypatch.setattr(persistence, "MIGRATIONS", {1: one_to_two, 2: two_to_three})
     got = load(file).predict(pd.DataFrame(json.loads((DATA / "model_format1.json").read_text())["X"]))
     np.testing.assert_array_equal(got, expected)

@@ -326,7 +326,7 @@ def test_text_from_logs_and_files_stays_text(diagnoses):
         candidates=[replace(d.candidates[0], ruled_out=HOSTILE), *d.candidates[1:]],
         notes=[HOSTILE],
         leftover={"form": HOSTILE, "depends_on": [HOSTILE]},
-        next_experiment=NextExperiment({"kind": HOSTILE, "angle": HOSTILE}, (HOSTILE, "b"), 1.0, HOSTILE),
+        next_run=NextExperiment({"kind": HOSTILE, "angle": HOSTILE}, (HOSTILE, "b"), 1.0, HOSTILE),
     )
     page = report_html(bad, Source(HOSTILE, HOSTILE, 1, 1, HOSTILE))
     reader = read(page)

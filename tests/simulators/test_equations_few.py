@@ -40,3 +40,11 @@ def test_few_instants_give_what_many_give():
 def test_what_is_not_finite_is_what_arrays_hold(equation):
     few, many = asked(equation, [0.0, -1.0, np.nan], [1.0, np.nan, 2.0], [0.0, 0.0, 0.0])
     assert np.array_equal(few, many, equal_nan=True)
+
+
+def test_the_order_of_the_equations_is_that_of_the_ports_whatever_the_user_wrote_first():
+    turned = EquationSimulator({"dv/dt": "u - x", "dx/dt": "v"}, PORTS)
+    x, u = np.array([[1.0], [2.0]]), np.array([[4.0]])
+    many = [np.repeat(values, FEW + 1, axis=1) for values in (x, u)]
+    assert turned.rate(np.zeros(1), x, u, np.zeros((0, 1)))[:, 0].tolist() == [2.0, 3.0]
+    assert turned.rate(np.zeros(FEW + 1), *many, np.zeros((0, FEW + 1)))[:, 0].tolist() == [2.0, 3.0]

@@ -55,7 +55,7 @@ def test_friction_of_the_solver_is_coulomb_friction_and_written_as_frictionloss(
     names = [(c.effect, c.where) for c in found.candidates]
     assert len(names) == len(set(names))
     evidence = evidence_of(log, simulator, refit=True)
-    assert list(added(evidence, found)) == ["coulomb_friction@dof_frictionloss.arm"]
+    assert list(added(evidence, found)) == ["coulomb_friction@arm (in the solver)"]
     assert found.corrected.get("dof_frictionloss.arm") == pytest.approx(0.15, rel=0.02)
     folder = tmp_path / "corrected"
     folder.mkdir()

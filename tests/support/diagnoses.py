@@ -132,7 +132,7 @@ def diagnosis_of(verdict: str, material: tuple[BenchParameters, BenchParameters,
             Closure("flow", 4.1e-6, 3.9e-6, 3.8e-6, 0.31 if causes else 0.0, (0.1, 0.5), "kg/s"),
             Closure("joint", 0.21, 0.2, 0.2, 0.0, (0.0, 0.3), "N m"),
         ],
-        next_experiment=None
+        next_run=None
         if verdict in ("cause", "none")
         else NextExperiment(
             {"kind": "triangle", "frequency": 0.5, "amplitude": 4, "seconds": 20},

@@ -33,8 +33,8 @@ Both muscles of a run stay in one fold. Rates are estimated within each run befo
 
 A flow is compared over windows of 20 ms, because its law uses rates, which are mostly noise at single samples.
 
-SIM.toml may also be the file of a muscle, a cylinder or a joint. For a cylinder or a joint, four models are compared:
-the nominal equation, the same with gain, offset and friction, and two models without physics.
+SIM.toml may also be the file of a muscle, a cylinder or a joint. For a cylinder or a joint, five models are compared:
+the nominal equation, the same with gain and offset, the same with friction, and two without physics.
 
 The inverse problem is the pressure for a measured force and contraction. The dynamic problem is a free run from the
 first sample: the contraction of a muscle under its pressure and load, or the pressure under the valve's command.

@@ -35,8 +35,8 @@ _DESCRIPTION = """\
 Run the main commands on simulated data, and show each command before it runs: simulate a bench whose muscles have
 hysteresis and threads that stretch, compare its log with the nominal simulator, which has neither, fit the hybrid model
 of the force and save it, compare the hybrid models of force and flow with the classical ones on unseen runs, adapt a
-model of the flow from one muscle to another, and diagnose a log whose effect is withheld. If that log cannot tell which
-effect it is, the run that can is designed and recorded, and the diagnosis continues.
+model of the flow from one muscle to another, and diagnose a log whose effect is withheld. If that log cannot
+distinguish two effects, a run that can is designed and recorded, and the diagnosis continues.
 
 It takes about a minute on one core and needs no data. Everything is written to --out.
 """

@@ -282,8 +282,8 @@ def _print_notes(d: Diagnosis) -> None:
     from ...report.sentences import experiment
 
     lines = [("note", text) for text in d.notes]
-    if d.next_experiment is not None:
-        lines.append(("next", experiment(d.next_experiment)))
+    if d.next_run is not None:
+        lines.append(("next", experiment(d.next_run)))
     if lines:
         print()
     for word, text in lines:

@@ -13,8 +13,9 @@ Write a fitted model in another language: dependency-free C99 (fixed memory, no 
 self-test with reference values), an ONNX graph, or an FMU (FMI 3.0, co-simulation) built from the C code.
 
 Inputs of a hybrid model are eps, deps, P (Pa, absolute) and dP; outputs are the predictions, the gas volume and its
-derivatives. Models that are formulas (geometric, polynomial, empirical, inverse, residual hybrid) have the signals of
-their fit as inputs. A model that cannot be exported is refused, and the message names the part that prevents it.
+derivatives. Models that are formulas (geometric, polynomial, empirical, inverse, residual hybrid) have the columns of
+the training data as inputs. A model that cannot be exported is refused, and the message names the part that prevents
+it.
 """
 _EXAMPLES = """\
   pamid export force.pamid --to c --out controller --name force

@@ -44,8 +44,9 @@ possible change of the system, such as another mass: the plan then says whether 
 decide more than any run without it.
 
 --out (default: DIR/next) receives runs.toml, set_points.csv for the real system (time and each input; for a bench the
-reference angle, pressure to add, the role of each muscle, valves shut), and plan.json. Record the runs, then
-continue with 'pamid diagnose LOG --since DIR --out SECOND'. 'pamid simulate --runs' takes a bench's runs.toml, too.
+reference angle, the pressure added, the role of each muscle, and whether valves are shut), and plan.json. Record the
+runs, then continue with 'pamid diagnose LOG --since DIR --out SECOND'. 'pamid simulate --runs' takes a bench's
+runs.toml, too.
 """
 _EXAMPLES = """\
   pamid next diagnosis

@@ -22,7 +22,7 @@ _DESCRIPTION = f"""\
 Simulate the antagonistic bench (two muscles on one pulley, servo valves, pressure control, noisy and quantised
 sensors at 1 kHz) and write its log.
 
-Choose a data set of the study (--dataset) or your own runs (--trajectory, repeatable): KIND:NAME=VALUE,... with
+Choose a data set by name (--dataset) or your own runs (--trajectory, repeatable): KIND:NAME=VALUE,... with
 KIND one of {", ".join(_KINDS)}.
 Frequencies are in rad/s, angles in degrees, seconds gives the length.
 
@@ -41,8 +41,8 @@ def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(subparsers, "simulate", "write a log of the simulated bench", _DESCRIPTION, _EXAMPLES)
     bench = parser.add_mutually_exclusive_group()
-    bench.add_argument("--muscle", metavar="A|B|C", help="muscle of the study (default: the data set's own, or B)")
-    bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a muscle of the study")
+    bench.add_argument("--muscle", metavar="A|B|C", help="size of the muscles (default: that of the data set, or B)")
+    bench.add_argument("--sim", metavar="SIM.toml", help="simulator file of the bench instead of a size of its muscles")
     parser.add_argument("--dataset", metavar="NAME", help="data set: D_A to D_C, D_tri, D_step, paper_like")
     parser.add_argument(
         "--trajectory", metavar="KIND:NAME=VALUE,...", action="append", default=[], help="a run; repeatable"

@@ -34,8 +34,8 @@ Monitor a rig during operation. Samples are JSON lines from a growing file or a 
 
   muscle               time (s), eps (-), P (Pa, absolute) and F (N), mdot (kg/s) or both
   bench                time, q, P1, P2, F1, F2, mdot1, mdot2; one muscle is monitored (--muscle)
-  any other simulator  time and the columns of its ports; when the error grows, the samples since then are diagnosed
-                       as a log of another day
+  any other simulator  time and the columns of its ports; once the error grows, the samples that follow are diagnosed
+                       as a second log
 
 The first seconds (--learn) must be healthy: the monitor learns from them how the evidence varies by chance. After that
 it names effects that appear (a leak, friction, hysteresis) at the false alarm rate that you allow. Late and lost

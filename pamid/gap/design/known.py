@@ -162,7 +162,12 @@ def _unlikely(fit: Fit) -> float:
 
 
 def _loglik(logs: Sequence[Recorded], fit: Fit) -> float:
-    return sum(loglik(log.tangent(fit.spec, fit.x) + log.J @ fit.x, log.parts, log.weights)[0] for log in logs)
+    return sum(loglik(residuals(log, fit), log.parts, log.weights)[0] for log in logs)
+
+
+def residuals(evidence: Recorded, fit: Fit) -> np.ndarray:
+    """Return the residuals of an explanation on a log."""
+    return evidence.tangent(fit.spec, fit.x) + evidence.slopes(fit.spec, fit.x) @ fit.x
 
 
 def cleaned(evidence: Recorded, apart: bool = False) -> Callable[[np.ndarray], np.ndarray]:
@@ -185,12 +190,12 @@ def cleaned(evidence: Recorded, apart: bool = False) -> Callable[[np.ndarray], n
 def sensitivities(evidence: Recorded, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     """Return the residuals of an explanation on a log, and their sensitivities to tolerances and its parameters."""
     slots = slots_of(evidence.effects, fit.spec)
-    z = evidence.tangent(fit.spec, fit.x)
+    z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
     if not slots:
-        return z + evidence.J @ fit.x, evidence.J
+        return z + J @ fit.x, J
     phi = np.array([fit.spec[name][p.name] for name, p in slots])
     D, _, _ = Fitter(evidence).jacobian(slots, phi, z, fit.x)
-    return z + evidence.J @ fit.x, np.column_stack([evidence.J, D])
+    return z + J @ fit.x, np.column_stack([J, D])
 
 
 def precision(logs: Sequence[Recorded], fit: Fit) -> np.ndarray:

@@ -40,7 +40,7 @@ import numpy as np
 
 from ..settings import CLASS, FORM_SMOOTH, INCLUDED
 from .expected_cost import counts_for, expected_cost
-from .known import Known, cleaned, form_of, informed, scaled, sensitivities
+from .known import Known, cleaned, form_of, informed, residuals, scaled, sensitivities
 
 HELD = 1.0 - INCLUDED
 """Least probability of an explanation: those that are kept are not ruled out."""
@@ -65,7 +65,7 @@ class Discrimination:
             residual, columns = map(clean, sensitivities(trial, k.fit))
             S, width = form_of(trial, k.fit) if forms else (np.zeros((len(residual), 0)), np.ones(len(residual)))
             if forms:
-                others = [clean(trial.tangent(d.spec, d.x) + trial.J @ d.x) - residual for d, _ in k.draws]
+                others = [clean(residuals(trial, d)) - residual for d, _ in k.draws]
             else:
                 others = [columns @ k.step_to(d) for d, _ in k.draws]
             self.residuals.append(residual)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -62,7 +63,7 @@ class Diagnosis:
     candidates: Annotated[list[Candidate], "The whole library with ``none`` and ``unknown``, the likeliest first."]
     causes: Annotated[list[Cause], "The causes found, the largest share first."]
     closure: Annotated[list[Closure], "How far each equation's gap shrinks."]
-    next_experiment: Annotated[NextExperiment | None, "What to record next."]
+    next_run: Annotated[NextExperiment | None, "What to record next."]
     notes: Annotated[list[str], "What the reader must know: what the log lacks, what the noise floor rests on."]
     nominal: Annotated[
         Any,
@@ -171,7 +172,8 @@ class Diagnosis:
                 "causes": [vars(c) | {"told_apart_by": c.distinguished_by} for c in self.causes],
                 "families": self.families,
                 "closure": self.closure,
-                "next_experiment": self.next_experiment,
+                "next_run": self.next_run,
+                "next_experiment": self.next_run,  # the old name, for one more version
                 "leftover": self.leftover,
                 "remainder": self.remainder,
                 "with_reserve": self.with_reserve,
@@ -187,6 +189,12 @@ class Diagnosis:
                 "notes": self.notes,
             }
         )
+
+    @property
+    def next_experiment(self) -> NextExperiment | None:
+        """The old name of `next_run`, for one version."""
+        warnings.warn("Diagnosis.next_experiment is called Diagnosis.next_run.", FutureWarning, stacklevel=2)
+        return self.next_run
 
     def __str__(self) -> str:
         from ...report import answers  # the words are the report's; only printing needs them

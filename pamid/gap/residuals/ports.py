@@ -299,17 +299,10 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         """Return the deviations that need new residuals: clocks act linearly."""
         return {k: v for k, v in deviations.items() if v and k not in self.skews}
 
-    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
-        """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
-        moved = {k: v for k, v in self._named(step).items() if v}
-        if moved.keys() <= self.skews.keys():
-            skews = self._skews_under(active)
-            return self._whitening.white(sum(skews[k] * v for k, v in moved.items()) / self.noise)
-        return super()._nudged(x, step, active)
-
-    def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in the units of their equations."""
-        return self._finite(self._bare(active, deviations) + self._skewed(deviations, active))
+    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
+        """Return what steps of the tolerances from deviations x change, in the units of the equations."""
+        here, *there = (self._finite(self._bare(active, self._named(v))) for v in (x, *(x + step for step in steps)))
+        return [one - here for one in there]
 
     def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
         """Return the same without clock offsets; not finite where the simulator is not."""

@@ -232,6 +232,15 @@ class PredictedEvidence(StretchEvidence):
         drive = self._drive(self._own, self.simulator.numbers)
         return self._simulate(self._x0, drive.u, drive.p, drive.acting)[0]
 
+    def _arrived(self, x0: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states along the log, and where each stretch begins if it goes on from the one before it."""
+        simulator, log, last = self.simulator, self.log, self._firsts[1:] - 1
+        states = self._simulate(x0, self._u, np.repeat(numbers[:, None], log.n, axis=1), [])[0]
+        runner = Runner(simulator, log.dt, (), self.substeps, self.lines)
+        p, steps = np.repeat(numbers[:, None], len(last), axis=1), np.stack([last, last + 1])
+        on = runner.states(log.t[steps], states[:, last], np.moveaxis(self._u[:, steps], 0, 1), p)[-1]
+        return states, np.hstack([x0[:, :1], on])
+
     def _simulate(
         self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip

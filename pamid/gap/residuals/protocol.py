@@ -50,7 +50,7 @@ class ResidualSource(Protocol):
     bends: bool
     rows: int  # of the log, which show its noise
     overlap: int  # most windows of an equation that one reading is in
-    curved: bool  # tolerances are so wide that `slopes` differ from `J`
+    curved: bool  # `slopes` differ much between parameters as given and as fitted
     twins: Mapping[str, str]  # effects that no log of this simulator distinguishes, each by the other's name
     pace: float  # what a second of the log counts, s: 1 unless its runs are of unusual length
     one_sided: bool  # `side` is the place of a window's equation, not a muscle

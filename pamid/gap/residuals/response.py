@@ -53,13 +53,15 @@ class Response:
         joints: Sequence[JointPort],
     ) -> None:  # fmt: skip
         self.simulator, self.log, self.firsts = simulator, log, firsts
-        self.x = np.nan_to_num(states)
-        self.paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+        self.paths = {f"{j.name}.path": simulator.states.index(j.velocity) for j in joints if not j.position}
         ends = np.append(firsts[1:], log.n)
         self.before = np.concatenate([np.arange(a, b - 1) for a, b in zip(firsts, ends, strict=True)]).astype(int)
         self.evaluations = 0.0
         """Times that the rates were asked for at every row."""
         self.drive = drive
+        # How far a joint without an angle has moved is a state, too, of which effects may depend.
+        rows = np.nan_to_num(states)
+        self.x = np.vstack([rows, *(self._moved(rows[v]) for v in self.paths.values())])
         self._slopes: dict[int, np.ndarray | None] = {}
         self._base = self._pushed(drive, self.x)
         self.rates = self._asked(self.x, self._base[0], drive.p) + self._base[1]
@@ -73,7 +75,8 @@ class Response:
             whole = drawn(drive.u, self.log.starts, 1)
             u = 0.5 * (whole[:, before] + whole[:, before + 1])
         added = np.zeros((len(x), len(before)))
-        at = self.log.t[before], 0.5 * (x[:, before] + x[:, before + 1]), u.copy(), drive.p[:, before]
+        middle = self._own(0.5 * (x[:, before] + x[:, before + 1]))
+        at = self.log.t[before], middle, u.copy(), drive.p[:, before]
         for place, made in drive.acting:
             force = self._force(place, made, x, drive.u)
             force = 0.5 * (force[before] + force[before + 1])
@@ -92,8 +95,19 @@ class Response:
         middle = 0.5 * (x[:, before] + x[:, before + 1])
         self.evaluations += 1.0
         with np.errstate(all="ignore"):
-            found = self.simulator.rate(log.t[before] + 0.5 * log.dt, middle, u, p[:, before])
-        return np.clip(np.nan_to_num(found), -_MOST, _MOST)
+            found = self.simulator.rate(log.t[before] + 0.5 * log.dt, self._own(middle), u, p[:, before])
+        return np.clip(np.nan_to_num(np.vstack([found, middle[list(self.paths.values())]])), -_MOST, _MOST)
+
+    def _own(self, x: np.ndarray) -> np.ndarray:
+        """Return the simulator's own states."""
+        return x[: len(self.simulator.states)]
+
+    def _moved(self, speed: np.ndarray) -> np.ndarray:
+        """Return the path of each stretch along a speed."""
+        path = np.zeros(self.log.n)
+        for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
+            path[a + 1 : b] = np.cumsum(0.5 * (speed[a : b - 1] + speed[a + 1 : b])) * self.log.dt
+        return path
 
     def _force(self, place: Placement, made: object, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return an effect's contribution at each row, with its memory from the unchanged states."""
@@ -103,13 +117,7 @@ class Response:
         return np.broadcast_to(place.force(made, s, memory), (self.log.n,)).astype(float)  # type: ignore[arg-type]
 
     def _signals(self, x: np.ndarray, u: np.ndarray) -> dict[str, np.ndarray]:
-        table = dict(zip((*self.simulator.states, *self.simulator.inputs), (*x, *u), strict=True))
-        for name, speed in self.paths.items():
-            v, path = table[speed], np.zeros(self.log.n)
-            for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
-                path[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * self.log.dt
-            table[name] = path
-        return table
+        return dict(zip((*self.simulator.states, *self.paths, *self.simulator.inputs), (*x, *u), strict=True))
 
     def _transitions(self, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         r"""Return :math:`e^{A h}` and :math:`\int_0^h e^{A s} \mathrm{d}s` of each step, matrices of the states."""
@@ -185,4 +193,4 @@ class Response:
     def _followed(self, change: np.ndarray, start: np.ndarray) -> np.ndarray:
         """Return the changes of the states along all stretches."""
         out = self._chains.followed(np.einsum("kij,jk->ki", self._steps[1], change), start.T)
-        return np.clip(np.nan_to_num(out.T), -_MOST, _MOST)
+        return self._own(np.clip(np.nan_to_num(out.T), -_MOST, _MOST))

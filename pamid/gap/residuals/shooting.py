@@ -286,15 +286,13 @@ class ShootingEvidence(LateJumps):
         found = self._changed(self.active(spec), numbers, self.active(about), numbers)
         return self._whitening.white(found / self.noise)
 
-    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
-        """Return the change of the residuals by a step of the tolerances from deviations x, to first order."""
-        numbers = [self._numbers_at(v) for v in (x, x + step)]
-        found = np.zeros(len(self.noise))
-        if np.any(numbers[1] != numbers[0]):
-            found = found + self._changed(active, numbers[1], active, numbers[0])
-        for name, column in self.skews.items():
-            found = found + column * step[self.free.index(name)]
-        return self._whitening.white(found / self.noise)
+    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
+        """Return what steps of the tolerances from deviations x change, to first order.
+
+        Effects with a memory are left out: a response does not move what they remember.
+        """
+        at = [(place, made) for place, made in active if not (place.acts and made.n_states)]
+        return [self._changed(at, self._numbers_at(x + s), at, self._numbers_at(x)) for s in steps]
 
     def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:
         """Return the change of the residuals under effects and numbers near others, whose run is known."""

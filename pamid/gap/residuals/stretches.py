@@ -17,7 +17,7 @@ from ..settings import TOLERANCE
 from .influence import Influence, beside, forgotten
 from .ports import PortEvidence
 from .states import pairs_of, probe
-from .tolerances import LAYINGS, differ
+from .tolerances import LAYINGS, differ, rms
 
 FOLLOWS = 0.5
 """Share of a signal's standard deviation that a prediction may miss for its stretch to count as followed."""
@@ -116,6 +116,10 @@ class StretchEvidence(PortEvidence):
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
         """Return the predicted channels for several initial states and numbers, shape (n_copies, n_shown, n)."""
 
+    @abstractmethod
+    def _arrived(self, x0: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the states along the log, and where each stretch begins if it goes on from the one before it."""
+
     def _lay(self) -> None:
         """Choose the longest stretches that the simulator can follow, and fit their initial states."""
         if self.like is not None:
@@ -131,7 +135,7 @@ class StretchEvidence(PortEvidence):
             if not self._runs_away(error):
                 x0 = self._fitted_starts()
                 error = self._error(x0)
-            missed = self._missed(error)
+            missed = self._off(x0, error)
             if FOLLOWS <= missed < ASTRAY and length == longest and self.free and self.refit:
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
@@ -391,7 +395,7 @@ class StretchEvidence(PortEvidence):
             damping *= 0.1
             if 1.0 - after / before < 0.01:
                 break
-        return self._missed(error), d, x
+        return self._off(x, error, self._numbers_at(d)), d, x
 
     def _numbers_at(self, x: np.ndarray) -> np.ndarray:
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
@@ -413,7 +417,11 @@ class StretchEvidence(PortEvidence):
 
         A pendulum that whirls is somewhere else long before it misses half of all turns that it made.
         """
-        return min(float(np.std(self.log.channels[name])) or 1.0, self._round.get(name, np.inf) / np.sqrt(12.0))
+        return min(float(np.std(self.log.channels[name])) or 1.0, self._full_turn(name))
+
+    def _full_turn(self, name: str) -> float:
+        """Return the deviation of an angle within a turn in which the simulator comes round; infinity of others."""
+        return float(self._round.get(name, np.inf) / np.sqrt(12.0))
 
     def _missed(self, error: np.ndarray) -> float:
         """Return the largest prediction error as a share of a signal's deviation."""
@@ -422,6 +430,29 @@ class StretchEvidence(PortEvidence):
             size = self._spread(name)
             worst = max(worst, float(np.sqrt(np.mean(np.square(row)))) * self.sigma[name] / size)
         return worst if np.isfinite(worst) else np.inf
+
+    def _off(self, x0: np.ndarray, error: np.ndarray, numbers: np.ndarray | None = None) -> float:
+        """Return the largest error of predictions, or of where they begin, as a share of a signal's deviation.
+
+        A gap adds up along a stretch, and initial states are fitted to that, too: over long ones they end up far from
+        what is read there, and from where the stretch before arrives. There the simulator is another one.
+        """
+        missed = self._missed(error)
+        if self.simulator.form != "ode" or not len(x0) or not missed < FOLLOWS:
+            return missed
+        torn = self._torn(x0, self.simulator.numbers if numbers is None else numbers)
+        return max(missed, self._missed(error[:, self._firsts]), torn)
+
+    def _torn(self, x0: np.ndarray, numbers: np.ndarray) -> float:
+        """Return how far stretches begin from where the one before arrives, beyond what noise leaves open."""
+        on = np.diff(self.log.run[self._firsts]) == 0
+        if not on.any():
+            return 0.0
+        states, arrived = self._arrived(x0, numbers)
+        sizes = np.minimum(np.std(states, axis=1), [self._full_turn(n) for n in self.simulator.states])
+        apart = Influence(self._slopes(x0, numbers), self._of, len(self.stretches)).apart(arrived - x0, APART)
+        pairs = zip(apart[:, 1:][:, on], sizes, strict=True)
+        return max((rms(row) / size for row, size in pairs if size > 0.0), default=0.0)
 
     def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return prediction errors, in units of each channel's noise, shape (n_shown, n)."""

@@ -68,8 +68,11 @@ class Tolerances(ABC):
         """Return the parameters changed by multiples of their tolerances."""
 
     @abstractmethod
-    def _exactly(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in the units of their equations."""
+    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
+        """Return what steps of the tolerances from deviations x change, in the units of the equations.
+
+        The steps are of numbers of the simulator: clocks act linearly.
+        """
 
     @abstractmethod
     def _again(self) -> None:
@@ -89,16 +92,10 @@ class Tolerances(ABC):
         """Return deviations by the names of their parameters."""
         return dict(zip(self.free, map(float, x), strict=True))
 
-    def _nudged(self, x: np.ndarray, step: np.ndarray, active: Active) -> np.ndarray:
-        """Return the change of the residuals by a step of the tolerances from deviations x, under effects."""
-        there, here = (self._exactly(active, self._named(v)) for v in (x + step, x))
-        return self._whitening.white((there - here) / self.noise)
-
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each free parameter, under a spec and deviations."""
-        if not self.curved or not (spec or np.any(x)):
-            found = self._linear_slopes(spec)
-        else:
+        found = self.J
+        if spec or np.any(x):
             key = repr(({k: dict(v) for k, v in spec.items()}, x.tolist()))
             found = self._laid.get(key, lambda: self._slopes_at(self.active(spec), x))
         within = [k for _, k in self._contained(spec)]
@@ -118,15 +115,6 @@ class Tolerances(ABC):
         """Return deviations of parameters that have a tolerance: a fit of both would give each any share of the sum."""
         at = [(name, name.removeprefix("parameter_deviation@")) for name in spec]
         return [(name, self.free.index(one)) for name, one in at if one != name and one in self.free]
-
-    def _linear_slopes(self, spec: Spec) -> np.ndarray:
-        """Return the slopes of the linear case, where an effect on an input may change the input's nuisances."""
-        skews, J = self._skews_under(self.active(spec)) if spec else self.skews, self.J
-        for name, column in skews.items():
-            if column is not self.skews[name]:
-                J = J.copy() if J is self.J else J
-                J[:, self.free.index(name)] = self._whitening.white(column / self.noise)
-        return J
 
     # --- what is unknown within a sample ------------------------------------------------------------------------
     def _timed(self, active: Active) -> dict[str, np.ndarray]:
@@ -164,8 +152,11 @@ class Tolerances(ABC):
 
     def _slopes_at(self, active: Active, x: np.ndarray, step: float = SMALL) -> np.ndarray:
         """Return the slopes under effects and deviations, by small steps."""
-        columns = [self._nudged(x, step * e, active) / step for e in np.eye(len(self.free))]
-        return np.column_stack(columns) if columns else np.zeros((len(self.z0), 0))
+        skews = self._skews_under(active)
+        steps = [step * e for e, name in zip(np.eye(len(self.free)), self.free, strict=True) if name not in skews]
+        found = iter(self._moved_by(steps, x, active) if steps else [])
+        columns = [skews[name] if name in skews else next(found) / step for name in self.free]
+        return self._whitening.white((np.array(columns).reshape(-1, len(self.noise)) / self.noise).T)
 
     def _deviated(self, x: np.ndarray) -> np.ndarray:
         return self.z({}, self._named(x))

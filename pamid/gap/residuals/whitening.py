@@ -74,7 +74,7 @@ class Whitening:
         from scipy.linalg.lapack import dtbtrs
 
         out = np.array(z, dtype=float)
-        for part, factor in self._factors:
+        for part, factor in self._factors if out.size else ():  # LAPACK writes beyond the end of no columns
             found, _ = dtbtrs(factor, out[part].reshape(factor.shape[1], -1), uplo="L")
             out[part] = found.reshape(out[part].shape)
         return out

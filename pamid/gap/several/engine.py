@@ -71,7 +71,7 @@ def diagnose_bench_logs(
             lambda: next_experiment(each[last], verdict, lambda spec: stack.spec_in(last, spec)), lambda: (None, ())
         )
     sizes = [(len(t), len(t.trajectories)) for t in tables]
-    return replace(found, next_experiment=experiment, logs=sized(found.logs, sizes, held))
+    return replace(found, next_run=experiment, logs=sized(found.logs, sizes, held))
 
 
 def together(

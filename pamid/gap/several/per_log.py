@@ -39,9 +39,9 @@ def estimates(evidence: Evidence, fit: Fit) -> Estimates:
     if not slots:
         return {}
     phi = np.array([fit.spec[name][p.name] for name, p in slots])
-    z = evidence.tangent(fit.spec, fit.x)
+    z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
     D, _, _ = fitter.jacobian(slots, phi, z, fit.x)
-    A, left = np.column_stack([evidence.J, D]), z + evidence.J @ fit.x
+    A, left = np.column_stack([J, D]), z + J @ fit.x
     w = np.empty(len(left))
     for part, s in zip(evidence.parts, fit.scales, strict=True):
         w[part] = (NU + 1.0) / (NU + np.square(left[part] / s)) / s**2

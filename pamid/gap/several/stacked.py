@@ -202,7 +202,7 @@ class StackedEvidence(Settled):
 
     def slopes(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return the change of the residuals by one tolerance of each parameter, under effects, at deviations x."""
-        if not (self.curved or spec):
+        if not (spec or np.any(x)):
             return self.J
         out = np.zeros_like(self.J)
         for k, (log, place) in enumerate(zip(self.logs, self.places, strict=True)):

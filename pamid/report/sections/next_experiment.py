@@ -15,11 +15,11 @@ class NextExperimentSection(Section):
 
     def shown(self) -> bool:
         """Whether a run is proposed."""
-        return self.diagnosis.next_experiment is not None
+        return self.diagnosis.next_run is not None
 
     def content(self) -> dict[str, Any]:
         """Return the proposal."""
-        proposed = self.diagnosis.next_experiment
+        proposed = self.diagnosis.next_run
         assert proposed is not None
         return {
             "words": experiment(proposed),
