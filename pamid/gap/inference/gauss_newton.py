@@ -104,17 +104,17 @@ class Fitter:
 
     def unwhitened(self, fit: Fit) -> Fit:
         """Refit the tolerances to unwhitened windows, since whitening overweights slow errors."""
-        evidence, J = self.evidence, self.evidence.raw(self.evidence.J)
+        evidence = self.evidence
         if evidence.bends:
             found = self._descended(fit.spec, fit.x, LAID, FINAL, -np.inf, held=True, turned=evidence.raw)
             return replace(fit, x=found.x, z=evidence.white(found.z))
 
         def solved(x: np.ndarray) -> RobustFit:
-            z = evidence.raw(evidence.tangent(fit.spec, x))
+            z, J = evidence.raw(evidence.tangent(fit.spec, x)), evidence.raw(evidence.slopes(fit.spec, x))
             return solve(z, J, self.low, self.high, evidence.parts, self.weights, iterations=20, start=x)
 
         x = _relinearised(fit.x, solved).x
-        return replace(fit, x=x, z=evidence.tangent(fit.spec, x) + evidence.J @ x)
+        return replace(fit, x=x, z=evidence.tangent(fit.spec, x) + evidence.slopes(fit.spec, x) @ x)
 
     def at(self, spec: Spec) -> Fit:
         """Fit the tolerances with effects held at their values."""
@@ -123,7 +123,7 @@ class Fitter:
     def approximate(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood of effects at their values, the tolerances near deviations x."""
         z = self.evidence.tangent({}, x) + self.evidence.change(spec, {}, x)
-        return self._fit({k: dict(v) for k, v in spec.items()}, z, x, J=self.evidence.slopes({}, x)).loglik
+        return self._fit({k: dict(v) for k, v in spec.items()}, z, self.evidence.slopes({}, x), x).loglik
 
     def promise(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
@@ -137,7 +137,7 @@ class Fitter:
         x = self.evidence.folded(spec, x)[1]
         if self.evidence.bends:
             return self._descended(spec, x, LAID, FINAL, -np.inf, held=True)
-        return _relinearised(x, lambda x: self._fit(spec, self.evidence.tangent(spec, x), x if np.any(x) else None, 20))
+        return _relinearised(x, lambda x: self._fit(spec, *self._laid(spec, x), x, 20))
 
     def refine(
         self,
@@ -163,27 +163,27 @@ class Fitter:
         """Fit everything with the tolerances linearised at deviations x."""
         slots = slots_of(self.evidence.effects, spec)
         phi = np.array([float(spec[name].get(p.name, p.nominal)) for name, p in slots])
-        z = self.evidence.tangent(spec, x)
-        best = self._fit(_spec(slots, phi), z, x)
+        z, J = self._laid(_spec(slots, phi), x)
+        best = self._fit(_spec(slots, phi), z, J, x)
         damping = 1.0
         for _ in range(steps):
             D, lower, upper = self.jacobian(slots, phi, z, x)
             solved = self.linear(
-                z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
+                z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec), J=J
             )
             step = solved.x[self.n :]
             while True:
                 trial = np.array(
                     [np.clip(v, p.lower, p.upper) for v, (_, p) in zip(phi + damping * step, slots, strict=True)]
                 )
-                z_trial = self.evidence.tangent(_spec(slots, trial), x)
-                found = self._fit(_spec(slots, trial), z_trial, best.x)
+                z_trial, J_trial = self._laid(_spec(slots, trial), x)
+                found = self._fit(_spec(slots, trial), z_trial, J_trial, best.x)
                 if found.loglik > best.loglik or damping < 0.1:
                     break
                 damping *= 0.35
             if found.loglik <= best.loglik:
                 break
-            added, best, phi, z = found.loglik - best.loglik, found, trial, z_trial
+            added, best, phi, z, J = found.loglik - best.loglik, found, trial, z_trial, J_trial
             damping = min(1.0, 2.0 * damping)
             if added < gain:
                 break
@@ -221,10 +221,14 @@ class Fitter:
         s = descend(at, slopes, start, bounds, evidence.parts, self.weights, rounds, prior, gain, behind)
         return Fit(named(s.x), s.x[:n], s.loglik, s.z, s.scales, self.low, self.high)
 
+    def _laid(self, spec: Spec, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the residuals of a tangent at deviations x, and its slopes."""
+        return self.evidence.tangent(spec, x), self.evidence.slopes(spec, x)
+
     def _fit(
-        self, spec: dict[str, dict[str, float]], z: np.ndarray, start: np.ndarray | None, iterations: int = 6,
-        J: np.ndarray | None = None,
-    ) -> Fit:  # fmt: skip
+        self, spec: dict[str, dict[str, float]], z: np.ndarray, J: np.ndarray, start: np.ndarray, iterations: int = 6
+    ) -> Fit:
+        """Fit the tolerances beside fixed effects to a tangent."""
         widening = self.evidence.widening(spec) if spec else None
         s = self.linear(z, iterations=iterations, start=start, widening=widening, J=J)
         cost = self.evidence.freedom(spec) if spec else 0.0
