@@ -78,12 +78,13 @@ class _Told:
 
     def loglik(self, columns: Sequence[np.ndarray]) -> float:
         """Return the likelihood with columns, each times a factor between −3 and 3."""
-        z, n = self.evidence.z0, len(columns)
+        z, J, n = self.evidence.z0, self.evidence.J, len(columns)
         if not n:
-            return float(self.fitter.linear(z, iterations=20, soft=self.spread).loglik)
+            return float(self.fitter.linear(z, J, iterations=20, soft=self.spread).loglik)
         # What an effect adds to the measured side is in the residual already: the oracle takes it off.
         bounds = np.full(n, -3.0), np.full(n, 3.0)
-        return float(self.fitter.linear(z, np.column_stack(columns), *bounds, iterations=20, soft=self.spread).loglik)
+        D = np.column_stack(columns)
+        return float(self.fitter.linear(z, J, D, *bounds, iterations=20, soft=self.spread).loglik)
 
 
 def _at_windows(case: Case, evidence: Any, contributions: Mapping[str, np.ndarray]) -> np.ndarray:

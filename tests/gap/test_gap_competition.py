@@ -224,7 +224,7 @@ def purging(monkeypatch: pytest.MonkeyPatch, shares: Shares, scores: dict[frozen
         exact=False,
     )
     competition.evidence, competition.further = evidence, 0.0  # type: ignore[assignment]
-    fitter = SimpleNamespace(linear=lambda z, D, low, high, start, J: SimpleNamespace(loglik=0.0))
+    fitter = SimpleNamespace(linear=lambda z, J, D, low, high, start: SimpleNamespace(loglik=0.0))
     competition.fitter = fitter  # type: ignore[assignment]
 
     def hypothesis(spec: dict, *_: object) -> Hypothesis:

@@ -385,7 +385,7 @@ class Competition(FirstOrder):
             own = min(self._shares(fit, D[:, kept], [s for s in slots if s[0] != out]), default=np.inf) >= OF_ITS_OWN
             free = np.full(int(kept.sum()), np.inf)
             z, J = self.evidence.tangent(fit.spec, fit.x), self.evidence.slopes(fit.spec, fit.x)
-            found[out] = own, self.fitter.linear(z, D[:, kept], -free, free, start=fit.x, J=J).loglik
+            found[out] = own, self.fitter.linear(z, J, D[:, kept], -free, free, start=fit.x).loglik
         return max(found, key=lambda name: found[name])
 
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:

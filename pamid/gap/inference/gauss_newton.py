@@ -61,6 +61,7 @@ class Fitter:
     def linear(
         self,
         z0: np.ndarray,
+        J: np.ndarray,
         D: np.ndarray | None = None,
         lower: np.ndarray | None = None,
         upper: np.ndarray | None = None,
@@ -69,10 +70,9 @@ class Fitter:
         start: np.ndarray | None = None,
         soft: np.ndarray | None = None,
         widening: np.ndarray | None = None,
-        J: np.ndarray | None = None,
     ) -> RobustFit:
         """Fit tolerances and further columns to residuals."""
-        J, cost = self.evidence.J if J is None else J, 0.0
+        cost = 0.0
         if widening is not None:
             soft = widening if soft is None else soft * widening
             parts = zip(self.evidence.parts, self.weights, strict=True)
@@ -128,9 +128,9 @@ class Fitter:
     def promise(self, spec: Spec, x: np.ndarray) -> float:
         """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
         slots = slots_of(self.evidence.effects, spec)
-        phi, z = np.array([spec[name][p.name] for name, p in slots]), self.evidence.tangent(spec, x)
+        phi, (z, J) = np.array([spec[name][p.name] for name, p in slots]), self._laid(spec, x)
         D, lower, upper = self.jacobian(slots, phi, z, x)
-        return self.linear(z, D, lower, upper, iterations=6, start=x, J=self.evidence.slopes(spec, x)).loglik
+        return self.linear(z, J, D, lower, upper, iterations=6, start=x).loglik
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, linearised where the fit ends."""
@@ -169,7 +169,7 @@ class Fitter:
         for _ in range(steps):
             D, lower, upper = self.jacobian(slots, phi, z, x)
             solved = self.linear(
-                z, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec), J=J
+                z, J, D, lower, upper, iterations=6, start=best.x, widening=self.evidence.widening(best.spec)
             )
             step = solved.x[self.n :]
             while True:
@@ -230,7 +230,7 @@ class Fitter:
     ) -> Fit:
         """Fit the tolerances beside fixed effects to a tangent."""
         widening = self.evidence.widening(spec) if spec else None
-        s = self.linear(z, iterations=iterations, start=start, widening=widening, J=J)
+        s = self.linear(z, J, iterations=iterations, start=start, widening=widening)
         cost = self.evidence.freedom(spec) if spec else 0.0
         return Fit(spec, s.x, s.loglik - cost, s.z, s.scales, self.low, self.high)
 

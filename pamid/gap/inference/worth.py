@@ -29,7 +29,7 @@ class Worth:
         evidence = self.evidence
         z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
         spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
-        plain = self.fitter.linear(z, start=fit.x, soft=spread, widening=widening, J=J)
+        plain = self.fitter.linear(z, J, start=fit.x, soft=spread, widening=widening)
         best, width, wider = plain, None, widening
         value = plain.loglik
         if fit.spec:
@@ -40,7 +40,7 @@ class Worth:
                 trial = self.discrepancy.width(fit, times) if times else None
                 both = widening if trial is None else trial if widening is None else trial * widening
                 ends = np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
-                s = self.fitter.linear(z, columns, *ends, precision, start=fit.x, soft=spread, widening=both, J=J)
+                s = self.fitter.linear(z, J, columns, *ends, precision, start=fit.x, soft=spread, widening=both)
                 total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
                 scaled = columns / np.broadcast_to(total, len(z))[:, None]
                 loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)

@@ -25,6 +25,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
 from .between_rows import drawn
 from .protocol import Active
+from .states import integral
 from .steps import earlier
 from .tolerances import SMALL
 
@@ -61,7 +62,7 @@ class Response:
         self.drive = drive
         # How far a joint without an angle has moved is a state, too, of which effects may depend.
         rows = np.nan_to_num(states)
-        self.x = np.vstack([rows, *(self._moved(rows[v]) for v in self.paths.values())])
+        self.x = np.vstack([rows, *(integral(rows[v], log, firsts) for v in self.paths.values())])
         self._slopes: dict[int, np.ndarray | None] = {}
         self._base = self._pushed(drive, self.x)
         self.rates = self._asked(self.x, self._base[0], drive.p) + self._base[1]
@@ -101,13 +102,6 @@ class Response:
     def _own(self, x: np.ndarray) -> np.ndarray:
         """Return the simulator's own states."""
         return x[: len(self.simulator.states)]
-
-    def _moved(self, speed: np.ndarray) -> np.ndarray:
-        """Return the path of each stretch along a speed."""
-        path = np.zeros(self.log.n)
-        for a, b in zip(self.firsts, np.append(self.firsts[1:], self.log.n), strict=True):
-            path[a + 1 : b] = np.cumsum(0.5 * (speed[a : b - 1] + speed[a + 1 : b])) * self.log.dt
-        return path
 
     def _force(self, place: Placement, made: object, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return an effect's contribution at each row, with its memory from the unchanged states."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -86,10 +87,10 @@ def roles_of(simulator: Simulator, joints: Sequence[JointPort], equation: str) -
     return {k: v for k, v in found.items() if v}
 
 
-def integral(v: np.ndarray, log: PortLog) -> np.ndarray:
-    """Return the path of a speed along each run."""
+def integral(v: np.ndarray, log: PortLog, starts: np.ndarray | None = None) -> np.ndarray:
+    """Return the path of a speed along each run, or from each of some rows on."""
     out = np.zeros(log.n)
-    for a, b in log.spans:
+    for a, b in log.spans if starts is None else pairwise([*starts, log.n]):
         out[a + 1 : b] = np.cumsum(0.5 * (v[a : b - 1] + v[a + 1 : b])) * log.dt
     return out
 

@@ -28,8 +28,9 @@ LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
 """Most times that the tolerances are relinearised, how straight it must be not to need it, the
 share of a tolerance that is a small change then; linear models that are kept."""
 CURVED = 0.3
-"""Share by which what parameters do differs between where they are given and where they fit, for it to be relinearised;
-the same causes come of half and of twice as much (``benchmarks/settings.py --computed``)."""
+"""Share by which what parameters do differs between where they are given and where they fit, from which responses known
+at other values are not reused; the same causes come of half and of twice as much (``benchmarks/settings.py
+--computed``)."""
 
 
 class Tolerances(ABC):
