@@ -39,7 +39,7 @@ def answer_of(found: Any) -> Record:
 
 
 def grade_of(cause: Any) -> str:
-    """Return how firmly a cause is named: its grade, or where it has none whether it stands with reserve."""
+    """Return how firmly a cause is named: its grade, or where it has none whether it stands with reservations."""
     return str(getattr(cause, "grade", "") or ("reserve" if cause.with_reserve else "sure"))
 
 

@@ -354,7 +354,7 @@ def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
 
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
-    """Base class of all warnings; issued directly if a regression has no term for an output, or an extension fails."""
+    """Base class; itself issued if a regression keeps no term for an output or an extension fails to load."""
 
 
 class UnitWarning(PamidWarning):
@@ -402,4 +402,4 @@ class InterruptedFitWarning(PamidWarning):
 
 
 class SamplingWarning(PamidWarning):
-    """Irregular sampling or gaps that were bridged."""
+    """Samples are unevenly spaced, missing or doubled."""

@@ -47,7 +47,7 @@ def _same_port(said: str, key: Record) -> bool:
 
 
 def _plainly(said: Record) -> bool:
-    """Return whether a cause was named without reserve."""
+    """Return whether a cause was named without reservations."""
     return bool(said["named"] and not said.get("reserved"))
 
 
@@ -67,8 +67,8 @@ def figures(records: list[Record], method: str) -> dict[str, str]:
         "false alarms": _share([gap(s) for _, s in none]),
         "gap seen, detectable": _share([gap(s) for _, s in single]),
         "foreign causes named": "–" if learner else _share([s["named"] for _, s in foreign]),
-        "foreign causes named without reserve": "–" if learner else _share([_plainly(s) for _, s in foreign]),
-        "decidable, said with reserve": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
+        "foreign causes named without reservations": "–" if learner else _share([_plainly(s) for _, s in foreign]),
+        "decidable, with reservations": "–" if learner else _share([bool(s.get("reserved")) for _, s in decidable]),
         "closed on unseen runs, median, decidable": _median(
             [max(s["closed"], -1.0) for k, s in decidable if s["closed"] is not None]
         ),

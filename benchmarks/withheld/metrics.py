@@ -93,7 +93,7 @@ class Answer:
     seconds : float
         Time it took.
     reserved : bool
-        Whether its names are said with reserve.
+        Whether its names are said with reservations.
     """
 
     gap: bool
@@ -246,18 +246,18 @@ def off_library_named(records: Sequence[Record]) -> Figure:
 
 
 def off_library_sure(records: Sequence[Record]) -> Figure:
-    """Share of causes outside the library that are given a name of the library without reserve."""
+    """Share of causes outside the library that are given a name of the library without reservations."""
     return share(bool(a.named) and not a.reserved for _, a in of_suite(records, "off-library"))
 
 
 def wrong_and_sure(records: Sequence[Record]) -> Figure:
-    """Share of causes named without reserve, whatever is true, none of whose names is an effect of the bench."""
+    """Share of causes named without reservations, whatever is true, none of whose names is an effect of the bench."""
     kept = [(t, names) for t, a in records if a.verdict in NAMING and not a.reserved for names in a.causes]
     return share(not set(names) & set(t.effects) for t, names in kept)
 
 
 def reserved(records: Sequence[Record]) -> Figure:
-    """Share of detectable effects of the library, alone or in pairs, whose names are said with reserve."""
+    """Share of detectable effects of the library, alone or in pairs, whose names are said with reservations."""
     kept = [r for r in of_suite(records, "single", "confusable", "pairs") if r[0].strength >= DETECTABLE]
     return share(a.verdict in NAMING and a.reserved for _, a in kept)
 

@@ -39,10 +39,10 @@ ROWS: tuple[Row, ...] = (
     ("truth in the named class", "≥ 98 %", m.in_class, _percent(0.98, True), "%"),
     ("mean size of a class", "≤ 1.5", m.class_size, _percent(1.5, False), "2"),
     ("an off-library effect given a library name", "≤ 5 %", m.off_library_named, _percent(0.05, False), "%"),
-    ("the same, without reserve", "≤ 5 %", m.off_library_sure, _percent(0.05, False), "%"),
+    ("the same, without reservations", "≤ 5 %", m.off_library_sure, _percent(0.05, False), "%"),
     ("named causes that are wrong, all logs", "≤ 5 %", m.wrong_names, _percent(0.05, False), "%"),
-    ("the same, of those named without reserve", "≤ 5 %", m.wrong_and_sure, _percent(0.05, False), "%"),
-    ("effects of the library named with reserve", "–", m.reserved, lambda v: True, "%"),
+    ("the same, of those named without reservations", "≤ 5 %", m.wrong_and_sure, _percent(0.05, False), "%"),
+    ("effects of the library named with reservations", "–", m.reserved, lambda v: True, "%"),
     ("effects of the library answered with unknown", "≤ 4 %", m.left_unknown, _percent(0.04, False), "%"),
     ("two effects: both", "≥ 90 %", m.both, _percent(0.90, True), "%"),
     ("two effects: at least one", "≥ 98 %", m.one_of_two, _percent(0.98, True), "%"),
@@ -53,7 +53,7 @@ ROWS: tuple[Row, ...] = (
     ("closed by a wrong family, held out (median)", "≤ 5 %", m.wrong_family, _percent(0.05, False), "%"),
     ("region F1, where the gap is over the floor", "–", m.over_floor_f1, lambda v: True, "2"),
     ("coverage of the closed share to within a point", "–", m.covered_nearly, lambda v: True, "%"),
-    ("coverage of the amplitude, where it means the same", "–", m.amplitude_covered, lambda v: True, "%"),
+    ("coverage of the amplitude, if pamid's formula is the same", "–", m.amplitude_covered, lambda v: True, "%"),
     ("confusable pairs, poor excitation: right effect first", "–", m.confusable_first, lambda v: True, "%"),
 )  # fmt: skip
 """METHOD's table: figure, what is asked, how it is measured, whether it is met, how it is written."""

@@ -129,7 +129,7 @@ def found(results: Sequence[Result], least: float = TOLD, decidable: bool = Fals
 
 
 def wrong(results: Sequence[Result], sure: bool = False) -> Figure:
-    """Share of named causes none of whose names is an effect of the bench; of those named without reserve if asked."""
+    """Share of named causes none of whose names is an effect of the bench; if asked, of sure ones."""
     kept = [r for r in results if not (sure and r.get("diagnosis", {}).get("with_reserve"))]
     return share(not names & set(r["key"]["effects"]) for r in kept for names in named(r))
 
@@ -165,7 +165,7 @@ def unknown(results: Sequence[Result]) -> Figure:
 
 
 def reserved(results: Sequence[Result]) -> Figure:
-    """Share of cases whose names are said with reserve."""
+    """Share of cases whose names are said with reservations."""
     return share(bool(named(r)) and bool(r["diagnosis"]["with_reserve"]) for r in results)
 
 
@@ -175,12 +175,12 @@ ROWS: tuple[tuple[str, str, Callable[[Sequence[Result]], Figure], Callable[[floa
     ("effects of ≥ 5 % of all equations together", "–", lambda r: found(r, of="part"), lambda v: True, "%"),
     ("effects of any share, decidable", "–", lambda r: found(r, 0.0, True), lambda v: True, "%"),
     ("named causes that are wrong", "≤ 5 %", wrong, lambda v: v <= 0.05, "%"),
-    ("the same, of those named without reserve", "≤ 5 %", lambda r: wrong(r, True), lambda v: v <= 0.05, "%"),
+    ("the same, of those named without reservations", "≤ 5 %", lambda r: wrong(r, True), lambda v: v <= 0.05, "%"),
     ("all effects of ≥ 5 % named, and nothing else", "–", whole, lambda v: True, "%"),
     ("remainder's share within 5 points", "–", remainder_right, lambda v: True, "%"),
     ("remainder's share, distance (median)", "≤ 5 points", remainder_error, lambda v: v <= 0.05, "p"),
     ("answered with unknown", "–", unknown, lambda v: True, "%"),
-    ("named with reserve", "–", reserved, lambda v: True, "%"),
+    ("named with reservations", "–", reserved, lambda v: True, "%"),
 )
 """Figure, what is asked, how it is measured, whether it is met, how it is written."""
 

@@ -308,7 +308,7 @@ def which(d: Diagnosis) -> str:
         return f"None of the effects that this log can show: {text}. It cannot show {silent}."
     if d.families:
         closest = "; ".join(_sized(c, words) for c in d.families)
-        return f"No effect {tried} explains it, even if its formula is taken as approximate. Closest: {closest}."
+        return f"No effect {tried} explains it, even allowing for an inexact formula. Closest: {closest}."
     if d.verdict == "unknown" or not d.causes:
         text, best = f"No effect {tried} explains it", best_effect(d)
         if best is not None and best.closed_share < _NOTHING:

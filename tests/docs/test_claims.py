@@ -45,7 +45,7 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield statistics, f"at most one cause in {'twenty' if INCLUDED == 0.95 else '?'} above it is wrong"
     yield "docs/diagnosis.md", f"With more than {WORDS[MOST_DAYS]} days this is tested for named causes only."
     ratio = "the ratio of measured to modelled values differs between logs"
-    yield "docs/diagnosis.md", f"{ratio} by a factor of {FACTOR:g}."
+    yield "docs/diagnosis.md", f"{ratio} by more than a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
         f"explains the other to within {100 * ALIKE:g} % or, if that is larger, "

@@ -157,17 +157,18 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     arm = {simulator: error for simulator, error in arms}
     ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit to another arm"]
     beside = f"for comparison, a vendor's fit: {vendor} mrad"
-    yield "docs/measured.md", f"| {arm['public model']} to {ours} mrad | {beside} |"
+    yield "docs/measured.md", f"| {arm['public model']} → {ours} mrad | {beside} |"
     yield "docs/published.md", f"the best other fit: {ours} mrad and"
     opinions = blocks["second-opinion"]
     causes, fits = re.findall(r"(\d+) causes on 4 simulators, (\d+) fits", opinions)[0]
     biased, told, rate = re.findall(r"absorbed a cause: (\d+), told (\d+) \((\d+)%", opinions)[0]
     clean, accused = re.findall(r"clean: (\d+), accused (\d+)", opinions)[0]
     assert accused == "0"
-    yield "docs/published.md", f"Of {int(fits) - int(clean)} fits to logs with one of {causes} causes, {biased} have"
+    faulty = int(fits) - int(clean)
+    yield "docs/published.md", f"In {biased} of {faulty} fits to logs with one of {causes} causes, the cause biased"
     yield (
         "docs/published.md",
-        f"{told} of these causes were found ({rate} %). None of {clean} fits to logs without a cause",
+        f"pamid found {told} of these causes ({rate} %). None of {clean} fits to logs without a cause",
     )
     bound = 100 * (1 - 0.05 ** (1 / int(clean)))  # 95 % of none in so many
     yield "docs/published.md", f"gave a false alarm (95 % bound: {bound:.1f} %)"
@@ -186,13 +187,13 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     (most, least), (most_roll, least_roll) = steps
     yield "docs/published.md", f"by only {least} mrad (pan) and {least_roll} mrad (roll)"
     yield "docs/published.md", f"changes them by {most} and {most_roll} mrad"
-    aim = "of those named without reserve"
+    aim = "of those named without reservations"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
     yield "docs/withheld.md", f"**measured** here were {share} %"
     yield (
         "docs/diagnosis.md",
-        f"Of those without reserve, at most 5 % should be wrong; [{share} % were](withheld.md#results)",
+        f"Of the causes named without reservations, at most 5 % should be wrong; [{share} % were](withheld.md#results)",
     )
     yield "docs/theory-diagnosis.md", f"[{share} % were](withheld.md#results)"
 

@@ -109,6 +109,9 @@ def test_conditions_are_parameters_of_the_simulator(tmp_path: Path) -> None:
     assert held["heavy"] == Conditions({"m": 3.0}, "1")
     assert diagnose_simulator(logs, RAIL, LIBRARY, conditions=held).verdict == "none"
     assert diagnose_simulator(logs, RAIL, LIBRARY).verdict != "none"
+    table.write_text("log,day,m\nlight,1,3 kg\n")
+    with pytest.raises(ParameterError, match="a number in the unit of the simulator's parameter"):
+        read_conditions(table, RAIL)
     table.write_text("log,day,mass\nlight,1,\n")
     with pytest.raises(UnknownOptionError, match=r"mass.*not a simulator parameter"):
         read_conditions(table, RAIL)

@@ -1,4 +1,4 @@
-"""A cause whose size may be none is named with reserve, however well it closes the gap."""
+"""A cause whose size may be none is named with reservations, however well it closes the gap."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A small further cause of any other simulator than the bench is named with reserve."""
+"""A small further cause of any other simulator than the bench is named with reservations."""
 
 from __future__ import annotations
 

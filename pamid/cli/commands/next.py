@@ -59,7 +59,7 @@ _EXAMPLES = """\
 
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
-    summary = "propose the run that best distinguishes what a diagnosis left undecided"
+    summary = "propose the run that best distinguishes the causes that a diagnosis left open"
     parser = add_command(subparsers, "next", summary, _DESCRIPTION, _EXAMPLES)
     parser.add_argument("folder", metavar="DIR", help="output folder of 'pamid diagnose'")
     parser.add_argument("--out", metavar="DIR", help="folder for the plan (default: DIR/next)")

@@ -23,7 +23,11 @@ _LONG = 60  # characters of a setting that are shown
 def add_parser(subparsers: Any) -> None:
     """Add the command."""
     parser = add_command(
-        subparsers, "present", "show the parameters of a saved model, their errors and its fit", _DESCRIPTION, _EXAMPLES
+        subparsers,
+        "present",
+        "show a saved model's parameters, their standard errors and its fit",
+        _DESCRIPTION,
+        _EXAMPLES,
     )
     parser.add_argument("model", metavar="MODEL", help="model file")
 

@@ -8,7 +8,7 @@ model for causes that explain a gap alone and one for those that do so together,
 .. math:: p = \frac{1}{1 + \exp(-(c_0 + \sum_i c_i s_i))}
 
 fitted to logs of benches whose causes are in the library and of ones whose cause is not. A name is reported where p
-is at least one half, and with reserve (this effect, or something that looks like it on this log) unless p is
+is at least one half, and with reservations (this effect, or something that looks like it on this log) unless p is
 above the bar at which at most one in twenty of the names reported on such logs is wrong.
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
@@ -18,9 +18,9 @@ whole gap, where these equations show none beyond the noise. With this share c t
 
 .. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
 
-and always with reserve where they explain less than a twentieth of the gap in their equation, or where the causes
+and always with reservations where they explain less than a twentieth of the gap in their equation, or where the causes
 beside them undo most of what they change, or most of it in some equation. A cause of whatever probability is named with
-reserve where the interval of its size includes that it is none.
+reservations where the interval of its size includes that it is none.
 
 References
 ----------
@@ -60,7 +60,7 @@ class Trust:
 
     @property
     def grade(self) -> str:
-        """How it is reported: without reserve, with it, or as one of a family that acts alike."""
+        """How it is reported: without reservations, with it, or as one of a family that acts alike."""
         return "sure" if self.sure else "reserve" if self.named else "family"
 
     @property
@@ -75,7 +75,7 @@ class Trust:
 
     @property
     def sure(self) -> bool:
-        """Whether it is enough to report it without reserve."""
+        """Whether it is enough to report it without reservations."""
         return self.of_its_own and self.sized and self.probability >= SURE
 
 

@@ -90,7 +90,7 @@ class Diagnosis:
         "What named causes leave: ``equation``, ``share`` of its gap's power, ``rmse`` (in its unit, beyond the "
         "noise), ``regions`` (queries) and ``depends_on`` (signals); empty where nothing is named.",
     ] = field(default_factory=dict)
-    with_reserve: Annotated[bool, "Whether a cause is named with reserve, see `Cause`."] = False
+    with_reserve: Annotated[bool, "Whether a cause is named with reservations, see `Cause`."] = False
     signs: Annotated[
         dict[str, float],
         "What speaks against the names of the best hypothesis, each sign where it is largest over its effects, "

@@ -27,7 +27,7 @@ class Conditions(NamedTuple):
     'friday'
     """
 
-    numbers: Annotated[dict[str, float], "Numbers of the simulator that hold for this log alone, SI units."]
+    numbers: Annotated[dict[str, float], "Numbers of the simulator, in its units, that hold for this log alone."]
     day: Annotated[str, "Logs of one day share what may change from day to day."]
 
     def under(self, simulator: S) -> S:
@@ -126,7 +126,9 @@ def _numbers(cells: Mapping[str, str], file: str, row: int) -> dict[str, float]:
             found[name] = float(text)
         except ValueError:
             raise ParameterError(
-                f"Row {row} of {file} has {name} = {text[:60]!r}.", "a number in SI units", "Correct the cell."
+                f"Row {row} of {file} has {name} = {text[:60]!r}.",
+                "a number in the unit of the simulator's parameter",
+                "Correct the cell.",
             ) from None
     return found
 
