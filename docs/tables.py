@@ -85,7 +85,7 @@ def data_sets() -> str:
 
     body = []
     sets = [(name, muscle, trajectories()) for name, (muscle, trajectories) in datasets._SETS.items()]
-    sets += [(name, "B (or A, C)", trajectories("B")) for name, trajectories in datasets._PAPER_LIKE.items()]
+    sets += [(name, "A, B, C", trajectories("B")) for name, trajectories in datasets._PAPER_LIKE.items()]
     for name, muscle, runs in sets:
         kind = re.split(r"[-_]", runs[0].name)[0]
         samples = sum(len(run.q_ref) - run.lead for run in runs)
@@ -107,7 +107,8 @@ def effects() -> str:
         shown = [p for p in cls.parameters if not p.before]  # the others are for logs alone
         numbers = ", ".join(f"`{p.name}` {p.nominal:g}{f' {p.unit}' if p.unit != '-' else ''}" for p in shown)
         file = f"../pamid/effects/{cls.__module__.rpartition('.')[2]}.py"
-        lines.append(f"- [`{name}`]({file}) ({', '.join(cls.equations)}): {summary(cls)} {numbers}")
+        other = "" if "bench" in cls.kinds else "*"
+        lines.append(f"- [`{name}`]({file}) ({', '.join(cls.equations)}){other}: {summary(cls)} {numbers}")
     return "\n".join([*lines[1:], ""])
 
 
@@ -237,7 +238,7 @@ WHAT_TO_DO = {
     "extension that fails to load.",
     "UnitWarning": "Give the unit of the column in the mapping, and say whether a pressure is gauge or absolute.",
     "ReadingWarning": "Inspect the rows that it names; repair the sensor, or leave the rows out.",
-    "ExcitationWarning": "Record runs that vary the signal it names, record more runs, or leave the signal out.",
+    "ExcitationWarning": "Record runs that vary the signal or port it names, record more runs, or leave it out.",
     "ExtrapolationWarning": "Do not rely on this prediction. Record data there and fit again, or stay in the range.",
     "UnstableRunWarning": "Shorten the free run or fit to more runs; `held` in `simulate`'s result marks the rows.",
     "AdaptationWarning": "Check signs, units and diameter; use a source more like the target, or fit without one.",

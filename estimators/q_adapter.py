@@ -178,7 +178,7 @@ class QAdapter(AdaptedModel):
         apart = abs(fitted - self.q0_)
         if apart > FAR_SIGMAS * np.hypot(self.q0_uncertainty_, error):
             warnings.warn(
-                f"The data give Q = {fitted:.4g} ± {error:.2g}, the geometry for {self.q0_:.4g} ± "
+                f"The data give Q = {fitted:.4g} ± {error:.2g}, the sizes Q = {self.q0_:.4g} ± "
                 f"{self.q0_uncertainty_:.2g}. Expected them to agree. Check the sizes of both muscles (m) and the "
                 "units of the target's data; size_uncertainty says how well the sizes are known.",
                 AdaptationWarning,

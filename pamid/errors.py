@@ -9,11 +9,11 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 _MOST = 2_000
-"""Characters of a part of a message: what a file holds, however long, must not fill the screen."""
+"""Characters shown of each part of a message, so that the contents of a file cannot fill the screen."""
 
 
 _LONG = 25
-"""Names beyond which a list is longer than the two lines that somebody reads."""
+"""Number of names beyond which a list is not shown in full: it would fill more than two lines."""
 
 
 def _readable(text: str) -> str:
@@ -30,7 +30,7 @@ class PamidError(Exception):
     found : str
         What was found, as a full sentence, with numbers and units.
     expected : str
-        What was expected instead; reads on after "expected".
+        What was expected instead; completes a sentence that begins with "Expected".
     remedy : str
         What the user can do about it, as a full sentence.
 
@@ -87,7 +87,7 @@ class TruncatedLogError(LogError):
 
 
 class HostileLogError(LogFormatError):
-    """A log contains objects, or declares sizes that are not safe to read."""
+    """A log contains objects, or is or claims to be too large to be read safely."""
 
 
 class StreamError(LogError):
@@ -244,7 +244,7 @@ class SimulatorFileError(PamidError, ValueError):
 
 
 class UntrustedCodeError(SimulatorFileError):
-    """A simulator names code (a Python function, an FMU) that may not run yet."""
+    """A simulator file names code (a Python function, an FMU) that is not trusted yet, so it is not run."""
 
     page = "docs/simulators.md#trust"
 
@@ -286,7 +286,7 @@ class SimulatorTypeError(SimulatorFileError, TypeError):
 
 
 class SimulatorSyntaxError(SimulatorFileError):
-    """A simulator file is not valid TOML."""
+    """A simulator file or a model is malformed, or of a form that is not supported."""
 
 
 class MissingParameterError(SimulatorFileError):
@@ -294,7 +294,7 @@ class MissingParameterError(SimulatorFileError):
 
 
 class UnknownParameterError(SimulatorFileError):
-    """A simulator file has a table or parameter that the bench does not know."""
+    """A table, parameter or option is given that the simulator or the effect does not have."""
 
 
 class ImplausibleParameterError(SimulatorFileError):
@@ -321,7 +321,7 @@ class HostileModelError(ModelFileError):
 
 
 class ModelVersionError(ModelFileError):
-    """A model file is of a format that this version does not know."""
+    """A model file has a format that this version of pamid cannot read."""
 
 
 class OutputError(PamidError, OSError):
@@ -329,7 +329,7 @@ class OutputError(PamidError, OSError):
 
 
 class CheckpointError(PamidError, ValueError):
-    """A checkpoint is damaged, or of another run."""
+    """A checkpoint is damaged, or belongs to a run with other settings."""
 
 
 class ExportError(PamidError, ValueError):
@@ -366,7 +366,7 @@ class ReadingWarning(PamidWarning):
 
 
 class ExcitationWarning(PamidWarning):
-    """The data hardly excite the quantity to be identified."""
+    """The data hardly excite a quantity to be identified, or an effect of the simulator."""
 
 
 class ExtrapolationWarning(PamidWarning):
@@ -398,7 +398,7 @@ class VolumeWarning(PamidWarning):
 
 
 class InterruptedFitWarning(PamidWarning):
-    """A fit was interrupted; the best model so far is kept."""
+    """A fit was interrupted; the best model found until then is kept."""
 
 
 class SamplingWarning(PamidWarning):

@@ -13,7 +13,7 @@ from .values import parameter
 
 
 class BraidGeometry(Effect):
-    r"""Braid of another diameter and angle than the model's: pressure pulls and pushes on other areas.
+    r"""Braid of another diameter or angle than the model's: the areas on which pressure pulls and pushes differ.
 
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)
@@ -37,7 +37,7 @@ class BraidGeometry(Effect):
 
 
 class EndCap(Effect):
-    r"""Conical or compliant ends of a bench's muscles: the active part contracts more or less than the whole.
+    r"""Conical or compliant ends of the bench's muscles, whose active part contracts more or less than the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right), \qquad
@@ -74,7 +74,7 @@ class EndCap(Effect):
 
 
 class EffectiveContraction(EndCap):
-    r"""Stiff or compliant ends of a single muscle: the active part contracts more or less than the whole.
+    r"""Stiff or compliant ends of a single muscle, whose active part contracts more or less than the whole.
 
     .. math:: \Delta F = \frac{p}{L_0}\left(\left.\frac{\partial V}{\partial\varepsilon}\right|_{k\varepsilon} -
         \left.\frac{\partial V}{\partial\varepsilon}\right|_{\varepsilon}\right)

@@ -174,7 +174,7 @@ REFERENCE = 300.0
 
 
 class HeatLoss(Effect):
-    r"""Heat loss at a temperature port: conduction (exponent 1), radiation (4), free convection in between.
+    r"""Heat loss at a temperature port, by conduction (exponent 1), free convection (1 to 4) or radiation (4).
 
     .. math:: \dot T = -h\,\frac{T_r}{n}\Big[\Big(\frac{T}{T_r}\Big)^n - \Big(\frac{T_a}{T_r}\Big)^n\Big]
 

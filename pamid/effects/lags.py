@@ -86,7 +86,7 @@ class FlowLag(_Lag, OfFlow):
 
 
 class Tube(OfPressure):
-    r"""Tube from a sensor at the valve to the muscle: the pressure in the muscle lags behind the reading.
+    r"""Tube between the muscle and a sensor at the valve: the pressure in the muscle lags behind the reading.
 
     .. math:: P' = P + \tau\,\dot P, \qquad \tau = R\,C
 

@@ -36,8 +36,10 @@ from .simulated import added, evidence_of, learn, otherwise, outward, runner
 if TYPE_CHECKING:
     from .several.stacked import StackedEvidence
 
-DROWNED = "Readings were predicted: undoing a fault of one in the equations would drown the rest in its noise."
-BURIED = "Readings were predicted: in each of the equations the gap is smaller than the noise."
+DROWNED = (
+    "Readings were predicted instead: in the equations, undoing a sensor's fault would hide the rest in its noise."
+)
+BURIED = "Readings were predicted instead: in each of the equations, the gap is smaller than the noise."
 
 
 class Judged(NamedTuple):
@@ -72,14 +74,14 @@ def diagnose_at_ports(
     def with_noise_of_inputs() -> Judged:
         if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
             return judged
-        say("once more with the noise of inputs, which causes had hidden")
+        say("once more with the noise of inputs, which the causes had hidden")
         return diagnose_evidence(evidence, effects, seed, say, change)
 
     def with_inputs_otherwise() -> Judged:
         other = otherwise(evidence, found, log)
         if other is None:
             return judged
-        say(f"once more with inputs that {'go straight from row to row' if other.lines else 'are held over each step'}")
+        say(f"once more with inputs {'interpolated between rows' if other.lines else 'held over each step'}")
         return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))
 
     for again in (with_noise_of_inputs, with_inputs_otherwise):
@@ -141,7 +143,7 @@ def diagnose_evidence(
                 begin,
             )
         except UnjudgedError as why:
-            say("once more by predictions, in which noise hides less than in the equations")
+            say("once more by predictions, where noise hides less than in the equations")
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)

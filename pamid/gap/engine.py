@@ -65,7 +65,7 @@ def rows_used(used: int, rows: int) -> str:
 
 def rows_searched(part: int, rows: int) -> str:
     """Return a sentence on how much of a log causes were searched in."""
-    return f"Causes were searched in {part:,} rows, and fitted to {rows:,}."
+    return f"Causes were searched for in {part:,} rows and fitted to {rows:,}."
 
 
 def explain(

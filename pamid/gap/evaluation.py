@@ -9,13 +9,13 @@ import pandas as pd
 from ..bench.parameters import BenchParameters
 from ..equations.base import Residual
 from ..equations.evaluate import LogEvaluation, Sums, evaluate_log, summed
-from ..errors import SimulatorWarning
+from ..errors import ExcitationWarning
 from ..face import check_simulator
 from ..signals.frames import logs_as_pandas
 from ..simulators.base import Simulator
 from .inference.student_t import solve
 from .one_equation import equation_of, evidence_on, noise_of
-from .residuals.ports import PortEvidence
+from .residuals.ports import PortEvidence, idle
 from .residuals.shooting import ShootingEvidence
 from .simulated import evidence_of
 
@@ -124,13 +124,12 @@ def timed(evidence: PortEvidence) -> np.ndarray:
 
 
 def _warn_of_idle(evidence: PortEvidence) -> None:
-    """Warn of effects of the simulator that a log leaves without anything to act on."""
+    """Warn of effects of the simulator that have nothing to act on in a log."""
     for name, where, _ in evidence.simulator.effects:
         if f"{name}@{where}" not in evidence.effects:
             warnings.warn(
-                f"The simulator's own effect {name} at {where} cannot act on this log, where nothing moves there: the "
-                "simulator is evaluated without it.",
-                SimulatorWarning,
+                f"{idle(name, where)} Expected a log in which its port moves. The simulator is evaluated without it.",
+                ExcitationWarning,
                 stacklevel=3,
             )
 

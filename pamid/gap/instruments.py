@@ -162,7 +162,7 @@ def refit_with_instruments(log: pd.DataFrame, params: BenchParameters | Simulato
     sizes = _sizes(evidence, start)
     if not sizes:
         raise ParameterError(
-            "No parameter of the simulator has a tolerance, and none of its effects a size.",
+            "No parameter of the simulator has a tolerance, and none of its effects has a size to be estimated.",
             "something to estimate",
             "Give parameters a tolerance in the simulator file.",
         )
@@ -181,7 +181,7 @@ def _evidence(log: pd.DataFrame, simulator: Any, references: Sequence[str]) -> D
     """Return the equations of a log whose states are known, with the references among its channels."""
     if simulator.form != "ode":
         raise IncompatibleError(
-            "Instruments need the rates of a simulator's states, and this simulator states none.",
+            "Instruments need the rates of the simulator's states, and this simulator does not give them.",
             "a function of rates, equations, or a MuJoCo model", "Refit without instruments.",
         )  # fmt: skip
     own, has = {p.source for p in simulator.ports}, ", ".join(map(str, log.columns[:20]))
@@ -198,7 +198,7 @@ def _evidence(log: pd.DataFrame, simulator: Any, references: Sequence[str]) -> D
     if derived is None:
         lacking = [s for s in simulator.states if s not in at_ports.channels]
         raise IncompatibleError(
-            f"The log lacks {', '.join(lacking)}: residuals are predictions, which follow the readings only at first.",
+            f"The log lacks {', '.join(lacking)}: residuals would be those of predictions from the first readings.",
             "all states, or positions whose rates the others are", "Record them, or refit without instruments.",
         )  # fmt: skip
     return DirectEvidence(at_ports, simulator, derived)
@@ -380,7 +380,7 @@ class _Loop:
         if not missed < FOLLOWS:
             raise IncompatibleError(
                 f"The simulated closed loop misses the log by {min(100.0 * missed, 1e3):.0f} % of its motion.",
-                f"less than {100.0 * FOLLOWS:.0f} %: a controller near a linear law of reference and states",
+                f"less than {100.0 * FOLLOWS:.0f} %, as with a controller nearly linear in reference and states",
                 "Check the reference, or refit without instruments.",
             )
         return found

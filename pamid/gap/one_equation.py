@@ -124,7 +124,9 @@ def _notes(signals: Table, codes: np.ndarray, roles: Mapping[str, str]) -> list[
                 "constants are uncertain by as much."
             )
     if "position" in signals and not {"position", "velocity"} & set(roles):
-        notes.append("No column is a position: effects of the position follow the drive of the system instead.")
+        notes.append(
+            "No column is a position: effects that depend on it are computed from the drive of the system instead."
+        )
     return notes
 
 

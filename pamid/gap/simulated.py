@@ -170,7 +170,9 @@ def free_run(log: pd.DataFrame, simulator: Simulator, *more: str) -> pd.DataFram
     """Return a simulator's response, its effects included, to a log's inputs, each run from its best initial state."""
     if simulator.form == "algebraic":
         raise ParameterError(
-            "The simulator is algebraic.", "one of states or of whole runs", "Call its output function."
+            "The simulator is algebraic, so it has no free run.",
+            "one of states or of whole runs",
+            "Call its output function.",
         )
     at_ports = port_log(log, simulator)
     evidence = ShootingEvidence(at_ports, simulator, whole=True)
@@ -310,8 +312,8 @@ def at_limits(simulator: Simulator, deviations: Mapping[str, float]) -> list[str
             limit = p.value * (1.0 + math.copysign(p.tolerance, way))
             end = "lower" if limit < p.value else "upper"
             told.append(
-                f"{name} is at the {end} end of its tolerance, {limit:.4g} {p.unit}. If it can lie beyond, "
-                "give it a wider tolerance: causes may stand in for the rest."
+                f"{name} is at the {end} end of its tolerance, {limit:.4g} {p.unit}. If it may lie beyond, "
+                "widen the tolerance: otherwise causes may be named for the rest."
             )
     return told
 
@@ -397,7 +399,7 @@ def _forces(
                         physical[name, word] = f"{value:.4g} {unit}"
                         told[f"{place.name} {word}".replace("_", " ")] = physical[name, word]
         if told:
-            at = f"at {joint.through} acts like" if joint.through else f"of {joint.name} takes"
+            at = f"at {joint.through} acts like" if joint.through else f"of {joint.name} corresponds to"
             notes.append(
                 f"With {force.mass}, 1 {joint.unit} {at} {force.factor:.4g} {force.unit}"
                 f"{f' at {joint.name}' if joint.through else ''}: {', '.join(f'{k} {v}' for k, v in told.items())}."

@@ -54,8 +54,9 @@ class ChangeMonitor:
     """Watch whether a fitted model still describes the stream; the model is not updated.
 
     ``calibrate`` takes a healthy stretch in time order that the model was not fitted on, ``update`` what comes next. An
-    alarm is a reason to look: what to do, such as a new ``fit`` on the rows since, is for the user to decide. It comes
-    after four blocks of a change at the soonest, a fifteenth of the healthy stretch.
+    alarm is a reason to look: what to do, such as a new ``fit`` on the rows since, is for the user to decide. A
+    block, a sixtieth of the healthy stretch, adds at most 1.7 to the evidence, so an alarm takes at least
+    `threshold` / 1.7 blocks, often three or four.
 
     Parameters
     ----------

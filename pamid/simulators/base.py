@@ -116,7 +116,9 @@ class Simulator(AnySimulator):
         self.effects: tuple[Any, ...] = tuple((name, where, dict(values)) for name, where, values in effects)
         names = [p.name for p in self.ports]
         if twice := sorted({n for n in names if names.count(n) > 1 or n in self.parameters}):
-            raise ParameterError(f"The name {', '.join(twice)} stands for two ports.", "one each", "Rename one.")
+            raise ParameterError(
+                f"{', '.join(twice)} names more than one port or parameter.", "different names", "Rename one."
+            )
         for port in self.ports:
             self._check_links(port)
 
@@ -139,13 +141,13 @@ class Simulator(AnySimulator):
                 raise ParameterError(
                     f"{what} of the {port.kind} {port.name} is {named!r}.",
                     f"a state or an output: {', '.join((*self.states, *self.outputs)) or 'there is none'}",
-                    "Name one of the simulator.",
+                    "Name a state or an output of the simulator.",
                 )
         if port.through and port.through not in self.inputs:
             raise ParameterError(
                 f"'through' of the {port.kind} {port.name} is {port.through!r}.",
                 f"an input: {', '.join(self.inputs) or 'there is none'}",
-                "Name the input that its forces act like.",
+                "Name the input through which forces act there.",
             )
 
     @property
@@ -320,9 +322,9 @@ class Simulator(AnySimulator):
         same = known is None or (shown is not None and np.allclose(known, shown, rtol=1e-9, equal_nan=True))
         if list(again.effects) != list(self.effects) or not same:
             raise SimulatorRunError(
-                "corrected.toml does not read back as the same simulator.",
-                "the one of the report",
-                "Tell pamid's authors.",
+                "corrected.toml, read back, is not the simulator that was written.",
+                "the simulator of the report",
+                "This is a mistake in pamid: please report it.",
             )
         write_whole(path, self.page_text(folder))
         return self
@@ -399,7 +401,7 @@ class Simulator(AnySimulator):
         refuse_others(table, (name, *others), "The simulator file has")
         value = table.get(name)
         if not isinstance(value, str) or not value:
-            raise MissingParameterError(f"{name} is {value!r}.", "a text", f'Write {name} = "...".')
+            raise MissingParameterError(f"{name} is {value!r}.", "text in quotes", f'Write {name} = "...".')
         return value
 
     # --- the forms ------------------------------------------------------------------------------------------

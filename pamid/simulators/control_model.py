@@ -60,9 +60,9 @@ class ControlSimulator(Simulator):
     ) -> None:
         if parameters:
             raise ParameterError(
-                f"A control system has no parameters by name; there are {', '.join(parameters)}.",
-                "none; [[effects]] change gains and lags",
-                "Write a function of rates where parameters have tolerances.",
+                f"A python-control system has no named parameters, but {', '.join(parameters)} is given.",
+                "none; [[effects]] can correct gains and lags",
+                "For parameters with tolerances, write a function that returns the rates of the states.",
             )
         found = _state_space(system)
         self.A, self.B, self.C, self.D = (np.asarray(m, dtype=float) for m in (found.A, found.B, found.C, found.D))

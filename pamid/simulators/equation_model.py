@@ -172,7 +172,7 @@ def tree_of(text: str) -> ast.Expression:
     for node in ast.walk(tree):
         called = isinstance(node, ast.Call)
         if not isinstance(node, _NODES) or (called and _wrong_call(node)):
-            raise ParameterError(f"{text[:80]!r} holds {ast.unparse(node)[:60]!r}.", _KNOWN, "Write it with these.")
+            raise ParameterError(f"{text[:80]!r} holds {ast.unparse(node)[:60]!r}.", _KNOWN, "Use only these.")
         if isinstance(node, ast.Constant):
             if isinstance(node.value, bool) or not isinstance(node.value, (int, float)):
                 raise ParameterError(f"{text[:80]!r} holds {node.value!r}.", "numbers", "Write a number.")

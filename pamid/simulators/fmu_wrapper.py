@@ -35,21 +35,25 @@ def wrapped(simulator: FmuSimulator, compiler: str | None = None) -> bytes:
     """Return an FMU that wraps the original with a simulator's effects and parameters."""
     with zipfile.ZipFile(simulator.path) as archive:
         if sum(i.file_size for i in archive.infolist()) > MOST_UNPACKED:
-            raise ExportError(f"{simulator.path.name} unpacks to too many bytes.", "an FMU", "Check it.")
+            large = f"{simulator.path.name} unpacks to more than {MOST_UNPACKED / 1e6:g} MB."
+            raise ExportError(large, "a smaller FMU", "Check the file.")
         inside = {i.filename: archive.read(i) for i in archive.infolist() if not i.is_dir()}
     root = ET.fromstring(inside["modelDescription.xml"])
     described = root.find("CoSimulation")
-    if root.get("fmiVersion") != "2.0" or described is None:
+    version = root.get("fmiVersion")
+    if version != "2.0" or described is None:
         raise ExportError(
-            f"{simulator.path.name} is of FMI {root.get('fmiVersion')}.",
+            f"{simulator.path.name} is of FMI {version}{'' if described is not None else ', without co-simulation'}.",
             "FMI 2.0 with co-simulation",
-            "Use the simulator file.",
+            "Use the corrected simulator file instead of an FMU.",
         )
     folder, ending = binary_folder(2)
     library = f"binaries/{folder}/{described.get('modelIdentifier')}{ending}"
     if ending == ".dll" or library not in inside:
         raise ExportError(
-            f"{simulator.path.name} has no {library}.", "a binary for Linux or macOS", "Use the simulator file."
+            f"{simulator.path.name} has no binary that can be wrapped here ({library}).",
+            "a binary for this machine, under Linux or macOS",
+            "Use the corrected simulator file instead of an FMU.",
         )
     name = re.sub(r"\W", "_", f"{described.get('modelIdentifier')}_corrected")
     code = {f"{name}.c": _source(simulator, root, name, library)}

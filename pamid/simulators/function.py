@@ -87,9 +87,9 @@ class FunctionSimulator(Simulator):
             raise UnknownOptionError(f"form is {form!r}.", f"one of {', '.join(_FORMS)}", "Correct it.")
         if self.form == "run" and "time" in self.inputs:
             raise ParameterError(
-                f"{_name(function)} is given the times of a run as u['time'], and an input has that name.",
-                "another name",
-                "Rename the input; its key 'column' names the column of the log.",
+                f"An input is named 'time', but {_name(function)} is given the times of a run as u['time'].",
+                "another name for the input",
+                "Rename it, and name the log's column with its key 'column'.",
             )
         self._fast: dict[str, bool] = {}
         self._each: dict[str, Callable[..., Any]] = {}
@@ -257,7 +257,7 @@ def _said(error: BaseException) -> str:
     try:
         return str(error)[:200]
     except Exception:
-        return "its text cannot be made"
+        return "its message cannot be shown"
 
 
 def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]) -> Any:
@@ -271,7 +271,9 @@ def written_source(source: str, home: Path, folder: Path) -> str:
     """Return where code was imported from, a file relative to another folder."""
     if not source:
         raise ParameterError(
-            "The simulator was made from an object without a name.", "a function of a module", "Define it in a file."
+            "The simulator was made from an object that cannot be imported by name.",
+            "a function of a module",
+            "Define it in a file, outside of other functions.",
         )
     module, _, name = source.rpartition(":")
     if module.endswith(".py"):

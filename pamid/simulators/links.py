@@ -246,8 +246,8 @@ def _said(
         return found
     raise ParameterError(
         f"It is not known how {b.first} and {b.second} respond to an effect between them.",
-        'inertia = ["...", "..."] under [[between]], or inputs named in through at both',
-        "Give the mass, inertia or capacity of each end, a number or a formula of the parameters.",
+        'inertia = ["...", "..."] under [[between]], or an input named with "through" at both ends',
+        "Give the mass, inertia or capacity of each end, as a number or a formula of the parameters.",
     )
 
 

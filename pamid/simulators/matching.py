@@ -298,11 +298,11 @@ class _Matcher:
         if driven is not None and {place.dimension} <= _RATES and not stated:
             unit, _ = self._unit_of_rate(driven, column, place, "")
             if unit is not None:
-                why = f"its name, in {unit} as {driven.column} follows it"
+                why = f"its name; in {unit}, since {driven.column} follows it in this unit"
                 return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
-        basis = "what is left over, in order" if match.port in self.left_over else "its name"
+        basis = "one of the columns left over, in order" if match.port in self.left_over else "its name"
         if stated:
-            return replace(match, unit=stated, why="" if match.named else f"{basis}, in {stated} as it says")
+            return replace(match, unit=stated, why="" if match.named else f"{basis}; in {stated}, as its header says")
         if match.port in degrees:
             return replace(match, unit="deg", why=degrees[match.port])
         if (unread := read_header(column.name).unread) and not self._in_a_list(column.name):
@@ -326,7 +326,7 @@ class _Matcher:
             if places[p].dimension == "angle" and columns[c].dimension != "angle" and p not in self.given
         }
         beyond = {p: text for p, c in angles.items() if (text := self._beyond(p, columns[c], 1.0))} or {
-            p: f"{c} goes beyond a turn"  # a servo is seldom told to
+            p: f"{c} exceeds one turn"  # a servo is seldom told to
             for p, c in angles.items()
             if places[p].commanded and p not in self.ranges and self._far(columns[c], places[p])
         }
@@ -334,7 +334,7 @@ class _Matcher:
         if not beyond or len(still) >= len(beyond):
             return {}
         like = f"degrees, like {angles[next(iter(beyond))]}"
-        return {p: f"degrees, as {beyond[p]}" if p in beyond else like for p in angles}
+        return {p: f"degrees, since {beyond[p]}" if p in beyond else like for p in angles}
 
     def _beyond(self, port: str, column: Column, factor: float) -> str:
         """Return how a column leaves the range of a port; empty where it does not or the range is unknown."""
@@ -346,7 +346,7 @@ class _Matcher:
         slack = _SLACK * (high - low)
         if not len(x) or (x.min() >= low - slack and x.max() <= high + slack):
             return ""
-        return f"{column.name} goes from {x.min():.4g} to {x.max():.4g} and {port} from {low:.4g} to {high:.4g}"
+        return f"{column.name} goes from {x.min():.4g} to {x.max():.4g}, {port} only from {low:.4g} to {high:.4g}"
 
     def _far(self, column: Column, place: Place) -> str:
         """Return that a column without a unit is larger than such quantities usually are; empty where it is not."""

@@ -63,6 +63,8 @@ def with_joints(path: Path, m: Any) -> Any:
         return m
     if not writes_free_bodies():
         raise SimulatorSyntaxError(
-            f"{path} has a free joint.", "hinges and slides, with this MuJoCo", "Install MuJoCo 3.3 or newer."
+            f"{path} has a free joint, which this MuJoCo cannot replace.",
+            "hinges and slides",
+            "Install MuJoCo 3.3 or newer.",
         )
     return spec_with_joints(path).compile()

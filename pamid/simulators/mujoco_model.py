@@ -458,11 +458,16 @@ class MujocoSimulator(Simulator):
 def _loaded(path: Path) -> Any:
     mj, m = _mujoco(), loaded_model(path)
     straight = (int(mj.mjtJoint.mjJNT_HINGE), int(mj.mjtJoint.mjJNT_SLIDE))
-    if m.njnt == 0 or any(int(t) not in straight for t in m.jnt_type) or m.na:
+    if m.njnt == 0:
+        raise SimulatorSyntaxError(f"{path} has no joints.", "at least one joint", "Add the joints that move.")
+    if any(int(t) not in straight for t in m.jnt_type):
+        only = "only hinges, slides and free joints"
+        raise SimulatorSyntaxError(f"{path} has ball joints.", only, "Replace each by three hinges.")
+    if m.na:
         raise SimulatorSyntaxError(
-            f"{path} has {m.njnt} joints, some of them ball joints, or actuators with states of their own.",
-            "at least one joint; only hinges, slides, free joints and plain actuators",
-            "Leave out ball joints and actuator dynamics; the effect actuator_lag stands for the latter.",
+            f"{path} has actuators with states of their own.",
+            "actuators without dynamics",
+            "Leave their dynamics out, and add the effect actuator_lag instead.",
         )
     return m
 

@@ -96,8 +96,8 @@ def spec_item(spec: Any, m: Any, what: str, name: str) -> Any:
         item = _nth(item, "joint", k - int(m.body_jntadr[at]))
     if item is None or item.name != name:  # static bodies are fused, say
         raise SimulatorRunError(
-            f"MuJoCo {mujoco.__version__} does not find the {what} {name!r} in the model as it is written.",
-            "a name for each body and joint, and no fused bodies",
+            f"MuJoCo {mujoco.__version__} does not find the {what} {name!r} in the model file.",
+            "a name for each body and joint, and no bodies fused when the model is compiled",
             "Install MuJoCo 3.3 or newer.",
         )
     return item
@@ -109,9 +109,9 @@ def _unnamed(spec: Any, m: Any, what: str, name: str) -> Any:
     count, k = {"body": m.nbody, "joint": m.njnt, "actuator": m.nu}[what], name.removeprefix(what)
     if len(items) != count or not k.isdigit() or items[int(k)].name:  # static bodies are fused, say
         raise SimulatorRunError(
-            f"The {what} {name!r} is not found in the model as it is written.",
-            "a name for each",
-            "Name it in the model.",
+            f"The {what} {name!r} has no name by which it is found in the model file.",
+            f"a name for each {what}",
+            "Name it in the model file.",
         )
     return items[int(k)]
 

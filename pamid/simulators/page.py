@@ -175,7 +175,9 @@ def _port(name: str, given: Any) -> Port:
     refuse_others(given, _PORT, f"The port {name} has", f"only {', '.join(list(_PORT)[1:])}")
     texts = {k: v for k, v in given.items() if k != "start" and not isinstance(v, str)}
     if texts:
-        raise SimulatorSyntaxError(f"{next(iter(texts))} of the port {name} is not text.", "a text", "Quote it.")
+        raise SimulatorSyntaxError(
+            f"{next(iter(texts))} of the port {name} is not text.", "text in quotes", "Quote it."
+        )
     return Port(name, **given)
 
 

@@ -39,7 +39,7 @@ def tell_unit_doubts(simulator: Simulator, log: PortLog) -> None:
     simulator._units_told = True  # type: ignore[attr-defined]
     if doubts := unit_doubts(simulator, log):
         warnings.warn(
-            f"{'; '.join(doubts)}. Correct the mapping: its column, or a unit or factor of it.",
+            f"{'; '.join(doubts)}. Correct the column in the mapping, or its unit or factor.",
             UnitWarning,
             stacklevel=2,
         )
@@ -66,7 +66,7 @@ def _beyond_range(simulator: Simulator, log: PortLog) -> Iterator[str]:
                 continue  # a command beyond its limit is cut there, which is no mistake of the mapping
             said = f"{name} reads {least:.3g} to {most:.3g}, but its stops allow {low:.3g} to {high:.3g} {port.unit}"
             if angle:
-                yield f"{said}, as degrees would ({_option(port, ':deg')})"
+                yield f"{said}: it may be in degrees ({_option(port, ':deg')})"
             else:
                 yield said + _ways_out(_Way(port, times, values))
 
@@ -123,7 +123,8 @@ def _doubts(simulator: Simulator, log: PortLog) -> Iterator[str]:
         factor, alike = _factor(does[i], seen[i])
         if alike > _ALIKE and factor < 0.0:
             option = _option(simulator.port(name), "*-1")
-            yield f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it ({option} turns it)"
+            said = f"{name} seems to have the opposite sign: {simulator.states[i]} moves against it"
+            yield f"{said} ({option} reverses it)"
         elif alike > _ALIKE and not 1 / _GAIN < factor < _GAIN:
             yield (
                 f"{name} seems to be in another unit: {simulator.states[i]} moves as if it were {factor:.3g} times "
@@ -154,7 +155,7 @@ def _exchanged(
             other = u.copy()
             other[[i, j]] = u[[j, i]]
             if explains(rate(other)):
-                what = "what one drives in the simulator moves with the other in the log"
+                what = "in the log, each moves what the other drives in the simulator"
                 return f"{names[i]} and {names[j]} seem to be exchanged: {what}"
     return ""
 
@@ -191,11 +192,11 @@ def _ways_out(*ways: _Way) -> str:
     for port, times, values, within in ways:
         found, factor = _units(port.unit, times, within), _option(port, f"*{times:.3g}")
         if found:
-            likely.append(f"{port.name} in {' or '.join(found)} would ({_option(port, f':{found[0]}')})")
+            likely.append(f"{port.name} may be in {' or '.join(found)} ({_option(port, f':{found[0]}')})")
         elif np.ptp(values) > _COUNTS and np.array_equal(values, np.round(values)):
-            likely.append(f"{port.name} in counts of a converter (whole numbers) would ({factor})")
+            likely.append(f"{port.name}, in whole numbers, may be counts of a converter ({factor})")
         plain.append(factor)
-    return f", as {' or '.join(likely)}" if likely else f" ({' or '.join(plain)} converts it)"
+    return f": {' or '.join(likely)}" if likely else f" ({' or '.join(plain)} converts it)"
 
 
 def _option(port: Port, how: str) -> str:

@@ -78,7 +78,8 @@ class Port:
         require_one_of(self.kind, KINDS, f"The port {self.name} is of the kind {self.kind!r}.", "Correct it.")
         if self.kind in ("input", "output", "state") and self.source == RESERVED[0]:
             raise ParameterError(
-                f"The port {self.name} is read from the column {self.source!r}.", "another column: it names the runs",
+                f"The port {self.name} is read from the column {self.source!r}, which names the runs.",
+                "another column",
                 "Give the port another name, or the key 'column'; if the log has a signal of that name, rename it: "
                 f"pamid init LOG --signal NAME={RESERVED[0]}.",
             )  # fmt: skip

@@ -63,7 +63,7 @@ def streams() -> Iterator[tuple[str, str]]:
     from pamid.estimators._streaming import MEMORY_ROWS, MEMORY_ROWS_IN_ORDER
 
     from pamid.online import ChangeMonitor
-    from pamid.online.change import BLOCKS
+    from pamid.online.change import BLOCKS, evidence
     from pamid.online.lines import LONGEST_LINE
     from pamid.online.recursive import GATE
 
@@ -76,8 +76,8 @@ def streams() -> Iterator[tuple[str, str]]:
     yield streaming, f"one in {'a hundred' if defaults['false_alarms'] == 0.01 else '?'} streams of ten minutes"
     assert defaults["per"] == 600.0
     yield streaming, f"grow by less than {'a quarter' if defaults['growth'] == 1.25 else '?'} are not a change"
-    assert "four blocks of a change at the soonest" in str(ChangeMonitor.__doc__)
-    yield streaming, f"at least {'a fifteenth' if BLOCKS == 4 * 15 else '?'} of the duration of the healthy data"
+    assert f"adds at most {evidence(1 / (BLOCKS + 1)):.1f} to" in str(ChangeMonitor.__doc__)
+    yield streaming, f"each {'a sixtieth' if BLOCKS == 60 else '?'} of the healthy data"
     yield "docs/security.md", f"`watch` keeps at most {LONGEST_LINE / 2**20:g} MiB of a line"
 
 

@@ -139,13 +139,13 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         return float(line(blocks[block], name)[log - 1].rstrip("*"))
 
     leak = [f"{at('other-benches-flow', name, 3):g}" for name in ("ThermodynamicPIHM", "SINDyRegressor")]
-    yield "docs/choosing.md", "a volume cannot represent a leak: its error is {} mg/s, against {} mg/s".format(*leak)
+    yield "docs/choosing.md", "a leak fills no volume: the hybrid's error is {} mg/s, against {} mg/s".format(*leak)
     geometry, learnt, friction = (
         at("other-benches-inverse", name, log)
         for name, log in (("InvertedForce(tondu_lopez)", 1), ("InverseModel", 1), ("InvertedForce(tondu_lopez)", 2))
     )
     directed = at("other-benches-inverse", "InverseModel(direction)", 2)
-    beyond = f"{geometry:.2f} kPa error, `InverseModel` {learnt:.1f} kPa; with Coulomb friction, however,"
+    beyond = f"error {geometry:.2f} kPa, `InverseModel` {learnt:.1f} kPa; but with Coulomb friction"
     yield "docs/choosing.md", f"{beyond} {friction:.1f} kPa, `InverseModel(direction)` {directed:.1f} kPa"
     runs = [at("other-benches-dynamic", "ForwardModel(direction)", log) for log in (1, 2, 3)]
     rows = re.findall(

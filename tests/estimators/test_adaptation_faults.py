@@ -65,7 +65,7 @@ def test_impossible_q0(flow, initial):
 
 def test_contradictions_are_told(flow):
     few = table(1, factor=4.0)
-    with pytest.warns(AdaptationWarning, match=r"the geometry for 9"):
+    with pytest.warns(AdaptationWarning, match=r"the sizes Q = 9"):
         QAdapter(flow, rest_length=0.45, rest_diameter=0.02, base="frozen").fit(few, few["mdot"])
     with pytest.warns(AdaptationWarning, match="factor above 0"):
         assert QAdapter(flow, 4.0, base="frozen").fit(few, -few["mdot"]).q_ == 4.0

@@ -220,7 +220,7 @@ def test_creeping_polymer():
     assert found.causes_[0].effects == ("creep",)
     times = [found.effects_["creep"][k] for k in ("time_constant", "slow_time_constant")]
     assert min(abs(tau - 40) for tau in times) < 8
-    assert any("follow the drive" in note for note in found.diagnosis_.notes)
+    assert any("computed from the drive" in note for note in found.diagnosis_.notes)
 
 
 def test_hysteretic_piezo():

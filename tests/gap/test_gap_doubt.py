@@ -38,7 +38,7 @@ def test_a_long_log_is_searched_in_part_and_fitted_whole(monkeypatch: pytest.Mon
     monkeypatch.setattr(engine, "SEARCH_ROWS", 5000)
     part = diagnose(log, NOMINAL, library)
     assert [c.effects for c in part.causes] == [c.effects for c in whole.causes] == [("viscous_friction",)]
-    assert any("searched in 5,000 rows" in note for note in part.notes)
+    assert any("searched for in 5,000 rows" in note for note in part.notes)
     for a, b in zip(part.causes, whole.causes, strict=True):
         assert a.parameters["coefficient"].value == pytest.approx(b.parameters["coefficient"].value, rel=1e-3)
 

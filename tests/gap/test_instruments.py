@@ -152,7 +152,7 @@ def test_a_log_without_states_is_told():
 
 def test_a_simulator_without_states_is_told():
     static = FunctionSimulator(lambda u, p: u.q * p.k, [Port("q", "input"), Port("F", "output")], {"k": (1.0, 0.5)})
-    with pytest.raises(IncompatibleError, match=r"states none"):
+    with pytest.raises(IncompatibleError, match="does not give them"):
         refit_with_instruments(closed_loop(0, 0.0, 2.0), static, "wanted")
 
 

@@ -85,7 +85,7 @@ def test_what_is_known_is_said_before_the_search_has_ended(log: pd.DataFrame) ->
     found = diagnose_simulator(log, RAILS, LIBRARY, progress=told.append)
     assert named(found) == [("viscous_friction", "x")] and INTERRUPTED not in found.notes
     so_far = [k for k, text in enumerate(told) if isinstance(text, SoFar)]
-    assert "exceed their noise in x (" in told[so_far[0]] and "viscous friction at x" in told[so_far[1]]
+    assert "residuals exceed the noise: x " in told[so_far[0]] and "viscous friction at x" in told[so_far[1]]
     assert so_far[1] < next(k for k, text in enumerate(told) if "sensitivity to maxwell" in text)
     assert "viscous friction at x, which closes" in told[so_far[-1]]
 

@@ -40,7 +40,7 @@ def spun(acts, friction=0.0, seed=0, dt=5e-3, rows=1600):
 def test_noise_of_a_measured_input_is_no_gap(seed):
     found = diagnose_simulator(spun(acts=False, seed=seed), ROTOR)
     assert found.verdict == "none"
-    assert any("The noise of i counts" in note for note in found.notes)
+    assert any("The noise of i is allowed for" in note for note in found.notes)
 
 
 def test_a_command_acts_with_all_that_it_holds():
@@ -53,12 +53,12 @@ def test_friction_is_named_beside_the_noise_of_an_input():
     found = diagnose_simulator(spun(acts=False, friction=4.0), ROTOR)
     assert found.causes[0].effects[0] == "coulomb_friction"
     assert found.causes[0].parameters["amplitude"].value == pytest.approx(0.1, rel=0.1)  # A
-    assert any("The noise of i counts" in note for note in found.notes)
+    assert any("The noise of i is allowed for" in note for note in found.notes)
 
 
 def test_undoing_a_fault_of_a_reading_leaves_the_noise_of_inputs():
     evidence = evidence_of(spun(acts=False), ROTOR)
-    assert any("The noise of i counts" in note for note in evidence.notes)
+    assert any("The noise of i is allowed for" in note for note in evidence.notes)
     least = {"sensor_lag@q": {"time_constant": 1e-4, "second": 1e-4}}
     assert evidence.spread(least, np.zeros(len(evidence.free))) == pytest.approx(1.0, abs=1e-2)
 

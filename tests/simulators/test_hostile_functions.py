@@ -74,7 +74,7 @@ def asked(folder: Path, source: str, command: str, capsys) -> tuple[int, str, st
         ("return [[x.v, x.v], [u.F, u.F]]", "returned 4 values"),
         ("import itertools; return itertools.repeat(1.0)", "returned more than 2 values"),
         ("return [object(), object()]", "did not return plain numbers"),
-        ("class Own(Exception):\n        def __str__(self): return 3\n    raise Own", "raised Own in line 4: its text"),
+        ("class Own(Exception):\n        def __str__(self): return 3\n    raise Own", "Own in line 4: its message"),
     ],
 )
 def test_a_function_that_fails_says_where(body, words, command, folder, capsys):

@@ -24,7 +24,7 @@ def test_names_are_kept_as_far_as_ports_may_have_them() -> None:
 
 @pytest.mark.parametrize("names", [{"name": "trajectory"}, {"name": "path", "column": "trajectory"}])
 def test_the_column_that_names_the_runs_is_no_signal(names: dict[str, str]) -> None:
-    with pytest.raises(ParameterError, match="it names the runs"):
+    with pytest.raises(ParameterError, match="which names the runs"):
         Port(kind="output", **names)
 
 

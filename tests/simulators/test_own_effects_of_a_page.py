@@ -14,10 +14,10 @@ from pamid.effects import Effect, Parameter
 from pamid.effects.plant import Surroundings
 from pamid.errors import (
     EffectError,
+    ExcitationWarning,
     ImplausibleParameterError,
     LackingNumberError,
     MissingColumnError,
-    SimulatorWarning,
     UnitWarning,
     UnknownOptionError,
 )
@@ -121,7 +121,7 @@ def test_an_effect_at_a_port_of_another_kind_is_refused(effect: str, at: str, ex
 def test_an_effect_that_a_log_leaves_without_motion_is_told(tmp_path: Path) -> None:
     page = tmp_path / "sim.toml"
     page.write_text(PAGE.format("actuator_dead_zone", "u") + "width = 0.1\n", encoding="utf-8")
-    with pytest.warns(SimulatorWarning, match="actuator_dead_zone at u cannot act on this log"):
+    with pytest.warns(ExcitationWarning, match="actuator_dead_zone at u cannot act on this log"):
         evaluate_simulator(log(2.0).assign(u=0.0), read_simulator(page))
 
 

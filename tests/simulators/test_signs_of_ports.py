@@ -43,15 +43,15 @@ CHANGES: dict[str, tuple[Callable[[pd.DataFrame], pd.DataFrame], str]] = {
     "speed": (lambda d: d.assign(v=-d["v"]), "x or v seems to have the opposite sign"),
     "exchanged": (lambda d: d.rename(columns={"x": "v", "v": "x"}), "x and v seem to be exchanged"),
     "factor": (lambda d: d.assign(x=1.7 * d["x"]), "x changes 1.7"),
-    "millimetres": (lambda d: d.assign(x=1e3 * d["x"]), "as x in mm would (pamid init --signal 'x=COLUMN:mm')"),
+    "millimetres": (lambda d: d.assign(x=1e3 * d["x"]), ": x may be in mm (pamid init --signal 'x=COLUMN:mm')"),
     "feet a second": (
         lambda d: d.assign(v=d["v"] / 0.3048),
-        "as v in ft/s would (pamid init --signal 'v=COLUMN:ft/s')",
+        ": v may be in ft/s (pamid init --signal 'v=COLUMN:ft/s')",
     ),
-    "millivolts": (lambda d: d.assign(u=1e3 * d["u"]), "as u in mV would (pamid init --signal 'u=COLUMN:mV')"),
+    "millivolts": (lambda d: d.assign(u=1e3 * d["u"]), ": u may be in mV (pamid init --signal 'u=COLUMN:mV')"),
     "counts of a converter": (
         lambda d: d.assign(x=(3276.8 * d["x"]).round()),
-        "x in counts of a converter (whole numbers) would (pamid init --signal 'x=COLUMN*0.000305')",
+        "x, in whole numbers, may be counts of a converter (pamid init --signal 'x=COLUMN*0.000305')",
     ),
     "a scale of a converter": (
         lambda d: d.assign(x=0.61 * d["x"]),
@@ -110,7 +110,7 @@ def test_readings_far_beyond_the_stops_of_a_joint_are_told(tmp_path: Path) -> No
     table = pd.DataFrame({"trajectory": "run", "time": t, "m": 0.0, "hip_q": 0.55 * np.sin(t)})
     assert unit_doubts(simulator, port_log(table, simulator)) == []
     (doubt,) = unit_doubts(simulator, port_log(table.assign(hip_q=np.degrees(table["hip_q"])), simulator))
-    assert "to 31.5, but its stops allow -2.2 to 2.2 rad, as degrees would" in doubt
+    assert "to 31.5, but its stops allow -2.2 to 2.2 rad: it may be in degrees" in doubt
 
 
 def test_a_command_that_a_limit_cuts_is_no_mistake(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_a_command_that_a_limit_cuts_is_no_mistake(tmp_path: Path) -> None:
     table = pd.DataFrame({"trajectory": "run", "time": t, "m": 25 * np.sin(t), "s": np.sin(t), "hip_q": 0.0 * t})
     assert unit_doubts(simulator, port_log(table, simulator)) == []
     (doubt,) = unit_doubts(simulator, port_log(table.assign(s=np.degrees(table["s"])), simulator))
-    assert "as degrees would" in doubt
+    assert "it may be in degrees" in doubt
 
 
 @pytest.mark.parametrize("what", ["speed", "millimetres"])

@@ -120,7 +120,7 @@ def test_names_of_columns_mean_what_the_page_says(cart: Path, capsys: pytest.Cap
     ("page", "what"),
     [
         ('kind = "sofa"', "one of algebraic, control"),
-        ('kind = "ode"\n[ode]\nfunction = 3', "a text"),
+        ('kind = "ode"\n[ode]\nfunction = 3', "text in quotes"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = 3', "a table"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:rates"\n[ports]\nF = { kind = "input", colour = "red" }', "colour"),
         ('kind = "ode"\n[ode]\nfunction = "cart.py:nothing"', "nothing"),

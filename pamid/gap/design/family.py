@@ -211,16 +211,16 @@ class DesignedRun:
         """What the run is, for a reader."""
         w, a = f"{self.frequency:.3g} rad/s", f"{abs(self.amplitude):.3g} degrees"
         about = f" about {self.offset:.3g} degrees" if abs(self.offset) > 0.5 else ""
-        mean = f", mean pressure {self.pressure / 1e5:+.2g} bar" if abs(self.pressure) > 1e3 else ""
+        mean = f", mean pressure changed by {self.pressure / 1e5:+.2g} bar" if abs(self.pressure) > 1e3 else ""
         said = {
             "sine": f"a sine of {w} and {a}{about}",
             "triangle": f"a triangle of {w} and {a}{about}",
             "steps": f"steps of {a} from {self.offset:.3g} degrees and back every {math.pi / self.frequency:.2g} s",
-            "multisine": f"four sines from {w} on, of {a} together{about}",
+            "multisine": f"a sum of four sines, the slowest of {w}, together of {a}{about}",
             "hold": f"the joint held at {self.offset:.3g} degrees",
             "isobaric": f"a sine of {w} and {a}{about} with muscle {self.muscle} at constant pressure",
-            "isometric": f"the joint held at {self.offset:.3g} degrees while both pressures rise by "
-            f"{self.rise / 1e5:.2g} bar and fall again at {w}",
+            "isometric": f"the joint held at {self.offset:.3g} degrees while both pressures rise and fall by "
+            f"{self.rise / 1e5:.2g} bar, as a sine of {w}",
             "sealed": f"a sine of {w} and {a}{about}, both valves shut after {self.shut * self.seconds:.2g} s",
         }[self.kind]
         return f"{said}{mean}, {self.seconds:.3g} s"

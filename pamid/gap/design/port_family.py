@@ -187,7 +187,7 @@ class Wave:
             "sine": f"a sine in {name} of {w} and {a} about {at}",
             "triangle": f"a triangle in {name} of {w} and {a} about {at}",
             "steps": f"steps in {name} of {a} to either side of {at}, one every {_plain(math.pi / self.frequency)} s",
-            "multisine": f"four sines in {name} from {w} on, of {a} together about {at}",
+            "multisine": f"a sum of four sines in {name}, the slowest of {w}, together of {a} about {at}",
             "chirp": f"a sine in {name} of {a} about {at} that goes from {w} to five times that",
             "hold": f"{name} held at {at}",
         }[self.kind]

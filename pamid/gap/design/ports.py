@@ -160,10 +160,10 @@ def _left(alone: bool) -> ExcitationError:
             "Narrow --limit, widen --keep, or shorten --seconds.",
         )
     return ExcitationError(
-        f"{none}: the simulator leaves it under every one, and even under the inputs of a logged run, from its start.",
-        "a system that stays near the logs without a controller: a design gives the inputs ahead of the run",
-        "Make the run with the controller in the loop, move its set point, and go on with --since; if the system has "
-        "no controller, widen --keep or shorten --seconds.",
+        f"{none}: the simulator leaves it under each of them, and even under the inputs of a logged run.",
+        "a system that stays near the logs without a controller, since a design fixes the inputs before the run",
+        "Make the run with the controller in the loop, move its set point, and continue with --since; if the system "
+        "has no controller, widen --keep or shorten --seconds.",
     )
 
 

@@ -43,7 +43,7 @@ def answer(
     short: bool = False,
 ) -> Diagnosis:
     """Return the diagnosis of a log, the causes fitted to all of it; in short without what takes long and can lack."""
-    say("measure the closure")
+    say("compute how much of the gap is closed")
     fitter, base, fit = competition.fitter, verdict.outcome.base.fit, verdict.outcome.best.fit
     if competition.evidence is not evidence:
         say("fit the causes to all rows")

@@ -39,7 +39,7 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), share, reason))
     untouched = [n for n in competition.library if n not in scores]
     rows += [
-        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log can test, or does not act on it")
+        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log can test, or has nothing in it to act on")
         for n in untouched
     ]
     # Causes come first in the order of the verdict; several of them may each be certain.
@@ -65,7 +65,7 @@ def _reason(competition: Competition, verdict: Verdict, score: float, best: floa
     if score < competition.evidence.least_gain:
         return _NOISE
     if verdict.kind in ("unknown", "family") and score >= best:
-        return "is closest, but leaves a larger error than an inexact form would"
+        return "comes closest, but leaves a larger error than a slightly wrong formula would explain"
     if score < best:
         return f"explains less: its log-likelihood is lower by {best - score:.0f}"
-    return "explains a part that another cause, with the others, explains better"
+    return "explains a part of the gap that a set of other causes explains better"

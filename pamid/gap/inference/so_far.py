@@ -48,18 +48,20 @@ def where_so_far(equations: Sequence[str], scales: np.ndarray) -> SoFar:
     order = [int(k) for k in np.argsort(-scales, kind="stable") if scales[k] > 1.0 + EXCESS]
     if not order:
         return SoFar("no residual exceeds its noise")
-    named = [f"{equations[k]} ({scales[k]:.2g} times)" for k in order[:_MOST]]
+    named = [f"{equations[k]} {scales[k]:.2g} times" for k in order[:_MOST]]
     more = f" and {len(order) - _MOST} more" if len(order) > _MOST else ""
-    return SoFar(f"before tolerances are fitted, residuals exceed their noise in {', '.join(named)}{more}")
+    return SoFar(
+        f"before parameters are fitted within tolerances, residuals exceed the noise: {', '.join(named)}{more}"
+    )
 
 
 def alone_so_far(singles: Mapping[str, Single]) -> SoFar:
     """Return which effects close most by themselves, to first order."""
     first = [name for name in sorted(singles, key=lambda n: -singles[n].gain) if singles[name].gain > 0.0][:_MOST]
     if not first:
-        return SoFar("no single effect explains more than it costs")
+        return SoFar("no single effect improves the fit by more than its parameters cost")
     named = ", ".join(f"{in_words(name)} {singles[name].closed:.0%}" for name in first)
-    return SoFar(f"closes most by itself, to first order: {named}")
+    return SoFar(f"closes most of the gap by itself, by a linear estimate: {named}")
 
 
 def causes_so_far(names: Sequence[str], closed: float) -> SoFar:

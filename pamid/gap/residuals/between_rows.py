@@ -24,7 +24,7 @@ STEPS = "step of the integrator"
 """Name of the parameter: 0 for no step, 1 for one as long as a sample."""
 OWN_STEP = "step of the model"
 """The same of a model that says its step: 1 for it, -1 for an implicit one."""
-NOTE = "Inputs are interpolated between rows: held over each step, like a controller's, they explain the log less well."
+NOTE = "Inputs are interpolated between rows, which explains the log better than holding them over each step does."
 
 
 def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:

@@ -35,7 +35,7 @@ def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> lis
     if moving and not moves(log):
         swing, rise = _motion(log)
         raise ExcitationError(
-            f"Nothing moves in the log: the angle by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
+            f"Hardly anything moves in the log: the angle by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
             "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
             "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
         )
@@ -113,7 +113,7 @@ def notes_on(evidence: Evidence) -> list[str]:
     )
     if unread:
         notes.append(
-            f"{100 * unread / rows:.1f} % of the samples are missing at the log's own rate, or come between its steps. "
+            f"{100 * unread / rows:.1f} % of the samples are missing or fall between the log's regular time steps. "
             "Short gaps are bridged, which adds to the noise."
         )
     speeds = [np.abs(run.smooth("q", 1)[:, 0]) for run in evidence.runs]

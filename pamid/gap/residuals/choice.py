@@ -16,18 +16,18 @@ from .tolerances import rms
 from .window_length import HIDDEN, most_samples, window_noise
 
 ENDED = (
-    "A reading stands at the end of its sensor's range: this kind of model is asked instant by instant, which takes "
-    "such rows for motion, and simulating it over stretches, which does not, would take too long. Leave these rows out."
+    "A reading stands at the end of its sensor's range. This kind of model is evaluated row by row, which takes such "
+    "rows for motion; simulating it over stretches, which does not, would take too long. Leave these rows out."
 )
 PULLED = (
-    "Noise in the readings biases fitted parameters by several standard errors: this kind of model is asked instant by "
-    "instant, and simulating it over stretches, which avoids that, would take too long. Runs with larger motion help; "
+    "Noise in the readings biases fitted parameters by several standard errors: this kind of model is evaluated row by "
+    "row, and simulating it over stretches, which avoids the bias, would take too long. Runs with larger motion help; "
     "more runs like these, or filtering the log, do not."
 )
 HIDES = (
-    "Noise in the readings hides slow errors of the rates that the model states: this kind of model is asked instant "
-    "by instant, and simulating it over stretches, in which such errors add up, would take too long. Longer runs, or "
-    "readings with less noise, help."
+    "Noise in the readings hides slow errors of the model's rates: this kind of model is evaluated row by row, and "
+    "simulating it over stretches, in which such errors add up, would take too long. Longer runs or "
+    "less noise in the readings help."
 )
 BY_POSITION = (
     "The acceleration is derived from {position}, which shows it with less noise than {velocity}; the two are compared "

@@ -407,8 +407,8 @@ class DirectEvidence(MotionRates):
             self._through = carried(typical_slopes(self.simulator, self.simulator.states, *self._some()), self.log.dt)
         if best and best != self.simulator.own_step:
             self.notes.append(
-                f"The log looks as if the model had made it in steps of {1e3 * best:g} ms: it states "
-                f"{1e3 * self.simulator.own_step:g} ms. The fit follows these steps, and does not call them a cause."
+                f"The log looks as if the model had made it in steps of {1e3 * best:g} ms, not the "
+                f"{1e3 * self.simulator.own_step:g} ms it states. The fit uses these steps; they are no cause."
             )
 
     def _windowed(

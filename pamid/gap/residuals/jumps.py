@@ -15,7 +15,7 @@ import numpy as np
 
 from ...simulators.port_log import PortLog
 
-NOTE = "Inputs jump between rows, at instants that the log does not tell: what these change counts as noise."
+NOTE = "Inputs jump between rows, at instants that the log does not show: the error from this counts as noise."
 
 
 def off_rows(inputs: Sequence[str], log: PortLog) -> np.ndarray:

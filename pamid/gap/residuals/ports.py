@@ -37,6 +37,11 @@ MOST_KEPT = 256 * 2**20
 """Size of the residuals that are kept, bytes: a refit asks for those of one effect again and again."""
 
 
+def idle(name: str, where: str) -> str:
+    """Return a sentence on an effect of the simulator that has nothing to act on in a log."""
+    return f"The simulator's own effect {name} at {where} cannot act on this log, since nothing moves there."
+
+
 class PortEvidence(WindowNoise, Beside, Paths, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
@@ -182,7 +187,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
 
     def heard(self, share: float) -> list[str]:
         """Return what a reader is told of the residuals, of which a flexible learner predicts a share."""
-        return [f"The residuals are {self.how}."]
+        return [f"The residuals are those {self.how}."]
 
     # --- the simulator with causes ---------------------------------------------------------------------------
     def corrected(self, spec: Spec, deviations: Mapping[str, float] | None = None) -> Simulator:
@@ -251,7 +256,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
             place = self.placements.get(f"{name}@{where}")
             if place is None:
                 self._refuse_nowhere(name, where)
-                self.notes.append(f"The simulator's own effect {name} at {where} cannot act on this log.")
+                self.notes.append(idle(name, where))
                 continue
             if (delay := values.get("delay", 0.0)) > (longest := max(b - a for a, b in self.log.spans) * self.log.dt):
                 said = f"{name} at {where} delays by {delay:g} s, but the longest run of the log has {longest:.3g} s"

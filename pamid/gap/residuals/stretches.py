@@ -167,9 +167,9 @@ class StretchEvidence(PortEvidence):
         whole, most = len(lengths) == len(self.log.spans), "up to " if 2 * min(lengths) <= max(lengths) else ""
         pieces = "whole runs" if whole else f"stretches of {most}{max(lengths) * self.log.dt:.3g} s"
         held = self.simulator.form == "ode" and all(name in self.log.channels for name in self.simulator.states)
-        noisy = "since noise in the logged states would bias parameters" if self.longest else "not of the logged states"
+        noisy = "since noise in the logged states would bias parameters" if self.longest else "not from the logged one"
         why = noisy if held else "since the log lacks states"
-        self.how = f"of predictions over {pieces}, each from an initial state fitted to it, {why}"
+        self.how = f"of predictions over {pieces}, each from a fitted initial state, {why}"
 
     def _part(self) -> None:
         """Halve the stretches whose readings do not tell well enough where they begin.

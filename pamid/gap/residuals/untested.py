@@ -12,8 +12,8 @@ from .ports import PortEvidence
 MOVES = {"angle", "angular rate", "speed"}
 """Dimensions of signals of what moves; a length may be a level."""
 JOINT = (
-    'Where something moves, add a port to the page: NAME = { kind = "joint", position = STATE, velocity = STATE, '
-    "through = INPUT }, where forces act as INPUT does"
+    'For each part that moves, add a port to the simulator file: NAME = { kind = "joint", position = STATE, '
+    "velocity = STATE, through = INPUT }, where INPUT is the one through which forces act there"
 )
 
 
@@ -53,8 +53,8 @@ def _lacks_joint(evidence: PortEvidence) -> bool:
 def _why(name: str, placed: bool) -> str:
     """Return the reason why an effect cannot be tested here."""
     if placed:
-        return "the log has no readings of what that acts on"
+        return "the log has no readings of what it acts on"
     kind = port_effects().get(name, ("bench",))[0]
     if kind in ("joint", "encoder"):
         return f"no joint is known. {JOINT}"
-    return "no pair of joints or chambers is known" if kind == "link" else f"no {kind} here can have that"
+    return "no pair of joints or chambers is known" if kind == "link" else f"no {kind} of this simulator can have it"

@@ -62,8 +62,8 @@ def no_windows(log: PortLog, n: int) -> ShortTrajectoryError:
     longest = max(b - a for a, b in log.spans)
     if (missing := float(np.mean(log.lost))) > 0.0 and longest >= 2 * n:
         return ShortTrajectoryError(
-            f"Readings are missing in {100 * missing:.1f} % of the rows, in each of {longest // n:,} windows of {n} "
-            "samples for too long.",
+            f"Readings are missing in {100 * missing:.1f} % of the rows, and each of {longest // n:,} windows of {n} "
+            "samples has too long a gap.",
             f"windows without gaps of more than {n // 4} rows",
             "Fill in the missing readings or map columns with fewer gaps.",
         )

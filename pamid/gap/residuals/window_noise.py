@@ -28,7 +28,7 @@ REPLICATES = 6
 """Copies of the log with as much noise again, from which the noise of each window is taken."""
 NEAR = 12
 """Windows to either side over which the noise of one is averaged."""
-MEASURED = "The noise of {} counts: the residuals show it, so that it is measured rather than commanded."
+MEASURED = "The noise of {} is allowed for: the residuals show that such inputs are measured, not commanded."
 _LEAST = 1e-6
 
 

@@ -237,8 +237,8 @@ def _simulator_of(then: Mapping[str, Any], page: str, read: Callable[[str], AnyS
         )
     if not page or not Path(page).is_file():
         raise LogNotFoundError(
-            f"The simulator of the earlier diagnosis, {page or 'made in Python'}, does not exist.",
-            "the file that the earlier diagnosis read",
+            f"The simulator of the earlier diagnosis {f'({page}) does not exist' if page else 'was made in Python'}.",
+            "the simulator file of the earlier diagnosis",
             "Name it with --sim.",
         )
     return (read or read_simulator)(page)
