@@ -45,9 +45,10 @@ class Discrepancy:
         return {name: beyond for name, (_, beyond) in self._parts_of(fit).items()}
 
     def whole(self, fit: Fit) -> dict[str, np.ndarray]:
-        """Return what each effect of a fit changes in the residuals, beside none of it, in units of noise.
+        """Return what each effect of a fit changes: the residuals with it less those without it, in units of noise.
 
-        To first order an overflow changes little about the run that overflows: without it, levels go on rising.
+        Where residuals bend, these are run. About a run that overflows, a little less overflow changes next to nothing;
+        without any, the level goes on rising.
         """
         evidence, at = self.evidence, dict(zip(self.evidence.free, map(float, fit.x), strict=True))
         if not evidence.bends:

@@ -25,7 +25,7 @@ REFINED = 0.05
 """Share of the upper bound that shows what a parameter that refines an effect changes, from 0."""
 LAID, FINAL, TOLD = 24, 0.3, 0.01
 """Most steps of a fit that is relinearised as it goes, the gain in nats that ends it, and the one that ends the fit
-that is told: with it, sizes are a seventh of a standard error from the best ones, not three quarters."""
+that is told where slopes vary: sizes are a seventh of a standard error from the best ones."""
 
 
 @dataclass(frozen=True)
@@ -161,8 +161,8 @@ class Fitter:
         return found
 
     def told(self, fit: Fit) -> Fit:
-        """Return a fit as it is told: where residuals bend, it ends nearer to the best one than fits that compete."""
-        return self._descended(fit.spec, fit.x, LAID, TOLD, -np.inf) if self.evidence.bends else fit
+        """Return a fit as it is told: where slopes vary, one whose last step gained little may still be far off."""
+        return self._descended(fit.spec, fit.x, LAID, TOLD, -np.inf) if self.evidence.curved else fit
 
     def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float) -> Fit:
         """Fit everything with the tolerances linearised at deviations x."""
