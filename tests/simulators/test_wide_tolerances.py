@@ -7,6 +7,9 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.inference.discrepancy import Discrepancy
+from pamid.gap.inference.gauss_newton import TOLD, Fitter
+from pamid.gap.settings import TOLERANCE
 from pamid.gap.simulated import evidence_of
 from pamid.signals.ends import end_of
 from pamid.simulators import FunctionSimulator, Port
@@ -54,6 +57,16 @@ def test_an_overflow_that_constants_had_taken_on_is_found_with_them() -> None:
     assert found.corrected.parameters["k3"].value == pytest.approx(TRUE["k3"], rel=0.05)
 
 
+def test_an_overflow_is_named_beside_a_sensor_that_is_not_straight() -> None:
+    # What is left lasts long, so that few windows count; without the overflow the gap would be nearly twice as large.
+    one = log().query("trajectory == '0'")
+    bent = one.assign(y=one["y"] + 0.25 * np.sin(1.5 * one["y"]))
+    found = diagnose_simulator(bent, tanks(), ["overflow"])
+    assert (found.verdict, found.causes[0].where, found.with_reserve) == ("cause", ("h1",), True)
+    [closure] = found.closure
+    assert closure.closed_share > 0.5
+
+
 def test_slopes_are_those_under_the_effects_that_stand() -> None:
     evidence = evidence_of(log(), tanks(), refit=True)
     assert evidence.curved
@@ -71,6 +84,30 @@ def test_slopes_are_those_under_the_effects_that_stand() -> None:
             there = evidence.z(spec, {**moved, name: moved[name] + step})
         change = (there - here) / step
         assert np.linalg.norm(change - found[:, k]) < 0.15 * np.linalg.norm(change)
+
+
+def test_what_an_overflow_changes_is_what_the_tanks_do_without_it() -> None:
+    evidence = evidence_of(log(steps=10), tanks(), refit=True)
+    place = evidence.placements["overflow@h1"]
+    # So fast that the level hardly rises further: about such a run, a little less of it changes next to nothing.
+    spec = {"overflow@h1": place.inward({"coefficient": 0.25, "level": 6.0, "returned": 0.5})}
+    fit = Fitter(evidence).at(spec)
+    first_order = -evidence.change({}, spec, fit.x)
+    changed = Discrepancy(evidence).whole(fit)["overflow@h1"]
+    without = evidence.z({}, dict(zip(evidence.free, map(float, fit.x), strict=True)))
+    np.testing.assert_allclose(changed, fit.z - without, atol=1e-6 * np.max(np.abs(without)))
+    assert np.linalg.norm(first_order) < 0.2 * np.linalg.norm(changed)
+
+
+def test_the_fit_that_is_told_ends_where_another_one_gains_nothing() -> None:
+    evidence = evidence_of(log(steps=10), tanks(), refit=True)
+    fitter, place = Fitter(evidence), evidence.placements["overflow@h1"]
+    rough = fitter.refine({"overflow@h1": place.inward({"coefficient": 0.1, "level": 9.0, "returned": 0.1})})
+    told = fitter.told(rough)
+    worth = [fit.loglik - 0.5 * TOLERANCE * float(np.sum(np.square(fit.x + evidence.about)))
+             for fit in (rough, told, fitter.told(told))]  # fmt: skip
+    assert worth[0] <= worth[1]
+    assert worth[2] == pytest.approx(worth[1], abs=2.0 * TOLD)
 
 
 def test_readings_at_their_end_speak_for_it() -> None:

@@ -51,6 +51,7 @@ def answer(
         base = fitter.base()
         fit = (fitter.at(fit.spec) if short else _again(fitter, fit)) if verdict.named else base
         notes = [*notes, SHORT] if short and verdict.named else notes
+    fit = fitter.told(fit) if verdict.named and not short else fit
     # The gap is what a refit within the tolerances leaves; what they explain is not a gap.
     base = fitter.unwhitened(base)
     fit = fit if verdict.named else base
