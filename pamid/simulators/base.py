@@ -96,6 +96,8 @@ class Simulator(AnySimulator):
     """Numbers that say how a log is read: a fit cannot tell them."""
     own_step: float = 0.0
     """Step by which it is integrated wherever it is used, s; 0 where nothing says one."""
+    undefined: str = ""
+    """What its code last raised where it has no value."""
     between: tuple[Between, ...] = ()
     """Pairs of ports between which effects may act, besides those that it couples itself."""
 

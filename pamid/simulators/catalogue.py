@@ -138,8 +138,8 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
         span = survey.spans.get(port.name, 0.0)
         if port.kind != "input" or not span > 0.0:
             continue
-        scales = Scales(time=survey.time, command=0.5 * span, target=0.01 * span)
         reach = survey.tops.get(port.name, span)
+        scales = Scales(time=survey.time, command=min(reach, span), target=0.01 * span)
         place = PortPlace(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
         turns = survey.turns(port.name)
         for name, effect in _effects_at("input"):

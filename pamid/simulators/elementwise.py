@@ -1,4 +1,4 @@
-"""Functions of numbers, made functions of arrays: max, min, float and what they take of math go by element."""
+"""Functions of numbers, made functions of arrays: max, min, float, math and matrices go instant by instant."""
 
 from __future__ import annotations
 
@@ -13,6 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from .matrices import Instants, matrices
+from .ports import Values
+
 
 def _largest(better: Callable[[Any, Any], Any], plain: Callable[..., Any]) -> Callable[..., Any]:
     """Return max or min, whichever comparison says, that takes arrays among its arguments."""
@@ -26,6 +29,27 @@ def _largest(better: Callable[[Any, Any], Any], plain: Callable[..., Any]) -> Ca
         for one in some[1:]:  # of numbers that are neither, Python keeps the first, too
             best = np.where(better(one, best), one, best)
         return best
+
+    return of
+
+
+def has_no_value(error: BaseException | None) -> bool:
+    """Return whether an error says, in the words of `math`, that a formula has no value at the given numbers."""
+    words = isinstance(error, ValueError) and str(error).startswith(("math domain error", "expected a "))
+    return words or isinstance(error, ArithmeticError)
+
+
+def _or_nan(plain: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function of numbers that has the value NaN where it has none."""
+
+    @functools.wraps(plain)
+    def of(*numbers: Any) -> Any:
+        try:
+            return plain(*numbers)
+        except (ValueError, ArithmeticError) as error:
+            if not has_no_value(error):
+                raise
+            return np.nan
 
     return of
 
@@ -60,32 +84,40 @@ class _Float(float, metaclass=_Numbers):
         return given[0].astype(float) if many else float(*given)
 
 
-_OF_MATH = {value: _each(value) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
-_MATH = SimpleNamespace(**vars(math) | {value.__name__: each for value, each in _OF_MATH.items()})
+def _of_math(made: Callable[[Callable[..., Any]], Callable[..., Any]]) -> dict[Any, Any]:
+    """Return what takes the place of math and of its functions."""
+    out = {value: _each(made(value)) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
+    return {math: SimpleNamespace(**vars(math) | {value.__name__: each for value, each in out.items()}), **out}
+
+
+_MATH = {False: _of_math(lambda plain: plain), True: _of_math(_or_nan)}
 _BUILT_IN = {
     "max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min), "float": _Float,
 }  # fmt: skip
 
 
 @functools.lru_cache(maxsize=64)
-def elementwise(function: Callable[..., Any]) -> Callable[..., Any] | None:
-    """Return a function that takes arrays where max, min, float or math want numbers; None where it asks none of them.
+def elementwise(function: Callable[..., Any], or_nan: bool = False) -> Callable[..., Any] | None:
+    """Return a function that takes arrays where max, min, float, math or numpy's matrices are those of an instant.
 
-    Functions of its module that it calls are taken along. One that sets names of its module is left alone.
+    Functions of its module that it calls are taken along. One that sets names of its module is left alone: None, as
+    where it asks for none of these. With `or_nan` functions of math that have no value at some instant are NaN there,
+    unless an error is caught.
     """
     if not isinstance(function, FunctionType):
         return None
     around = function.__globals__
+    replaced = set(matrices(1))
     found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in around}
     for name, value in around.items():
-        if value is math:
-            found[name] = _MATH
-        elif isinstance(value, BuiltinFunctionType) and value in _OF_MATH:
-            found[name] = _OF_MATH[value]
+        if value is math or (isinstance(value, BuiltinFunctionType) and value in _MATH[or_nan]):
+            found[name] = _MATH[or_nan][value]
     own, asked, waiting = dict[str, FunctionType](), set[str](), [function]
     while waiting:
         for code in _codes(waiting.pop().__code__):
             if any(step.opname in ("STORE_GLOBAL", "DELETE_GLOBAL") for step in dis.get_instructions(code)):
+                return None
+            if or_nan and code.co_exceptiontable:
                 return None
             asked |= set(code.co_names)
             for name in code.co_names:
@@ -93,11 +125,32 @@ def elementwise(function: Callable[..., Any]) -> Callable[..., Any] | None:
                 if name not in own and isinstance(other, FunctionType) and other.__globals__ is around:
                     own[name] = other
                     waiting.append(other)
-    if not asked & set(found):
+    of_numpy = {name for name in asked & set(around) if id(around[name]) in replaced}
+    if not (of_numpy or asked & set(found)):
         return None
-    names = {**around, **found}
-    names |= {name: _within(other, names) for name, other in own.items()}
-    return _within(function, names)
+
+    @functools.lru_cache(maxsize=8)
+    def made(n: int) -> Callable[..., Any]:
+        instead = matrices(n) if of_numpy else {}
+        names = {**around, **found, **{name: instead[id(around[name])] for name in of_numpy}}
+        names |= {name: _within(other, names) for name, other in own.items()}
+        return _within(function, names)
+
+    if not of_numpy:
+        return made(0)
+
+    @functools.wraps(function)
+    def at_instants(*given: Any) -> Any:
+        return made(np.shape(given[-1])[-1])(*map(_at_instants, given))
+
+    return at_instants
+
+
+def _at_instants(given: Any) -> Any:
+    """Return what a function is given, so that it knows which axis is the instants."""
+    if isinstance(given, Values):
+        return Values.of(given, Values.named(given), Instants)
+    return np.asarray(given).view(Instants)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -26,7 +26,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from .base import Simulator
-from .elementwise import elementwise
+from .elementwise import elementwise, has_no_value
 from .ports import ModelParameter, Port, Values
 
 _FORMS = ("ode", "algebraic", "run")
@@ -92,6 +92,7 @@ class FunctionSimulator(Simulator):
                 "Rename it, and name the log's column with its key 'column'.",
             )
         self._fast: dict[str, bool] = {}
+        self._answered: set[str] = set()
         self._each: dict[str, Callable[..., Any]] = {}
         """Functions that are asked at many instants in place of those that take one alone."""
         self.output_source, self.folder = "", Path()
@@ -134,8 +135,10 @@ class FunctionSimulator(Simulator):
 
         def at(k: Any, function: Callable[..., Any] = function) -> np.ndarray:
             some = [(rows[:, k], labels) for rows, labels in arguments]
-            answer = _silently(function, None if t is None else t[k], some)
-            return _rows(answer, names, function) if np.ndim(k) else _numbers(answer, names, function)
+            if np.ndim(k):
+                return _rows(_silently(function, None if t is None else t[k], some), names, function)
+            one = functools.partial(_silently, function, None if t is None else t[k], some)
+            return np.asarray(self._defined(what, names, one, function))
 
         if n == 0:
             return np.zeros((len(names), 0))
@@ -146,9 +149,8 @@ class FunctionSimulator(Simulator):
             if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
                 fast = self._fast[what] = True
                 self._each[what] = each
-        if fast:
-            function = self._each.get(what, function)
-            answer = _in_order(_silently(function, t, arguments), names)
+        answer = self._for_all(what, names, function, t, arguments) if fast else None
+        if answer is not None:
             if type(answer) in (list, tuple) and len(answer) == len(names):
                 out = np.empty((len(names), n))
                 with contextlib.suppress(TypeError, ValueError):  # reported below
@@ -162,10 +164,40 @@ class FunctionSimulator(Simulator):
         labels = [given for _, given in arguments]
         for k in range(n):
             given = [Values.of(rows[k], some) for rows, some in zip(columns, labels, strict=True)]
-            answer = _in_order(ask_function(function, *times[k], *given), names)
-            plain = type(answer) in (list, tuple) and all(type(one) in (float, np.float64) for one in answer)
-            out[:, k] = answer if plain and len(answer) == len(names) else _numbers(answer, names, function)
+            one = functools.partial(ask_function, function, *times[k], *given)
+            out[:, k] = self._defined(what, names, one, function)
         return out
+
+    def _for_all(
+        self, what: str, names: tuple[str, ...], function: Callable[..., Any], t: np.ndarray | None,
+        arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
+    ) -> Any:  # fmt: skip
+        """Return what a function answers for all instants in one call; None where that fails at some of them."""
+        try:
+            return _in_order(_silently(self._each.get(what, function), t, arguments), names)
+        except SimulatorRunError as error:
+            if not has_no_value(error.__cause__):
+                raise
+            self.undefined, each = str(error.found), elementwise(function, or_nan=True)
+            return None if each is None else _in_order(_silently(each, t, arguments), names)
+
+    def _defined(
+        self, what: str, names: tuple[str, ...], asked: Callable[[], Any], function: Callable[..., Any],
+    ) -> np.ndarray | Sequence[float]:  # fmt: skip
+        """Return a function's numbers at an instant; NaN where it has none there but had some elsewhere.
+
+        `math` raises where numpy returns NaN. A function that fails before it answered anywhere is reported.
+        """
+        try:
+            answer = _in_order(asked(), names)
+        except SimulatorRunError as error:
+            if what not in self._answered or not has_no_value(error.__cause__):
+                raise
+            self.undefined = str(error.found)
+            return np.full(len(names), np.nan)
+        self._answered.add(what)
+        plain = type(answer) in (list, tuple) and all(type(one) in (float, np.float64) for one in answer)
+        return answer if plain and len(answer) == len(names) else _numbers(answer, names, function)
 
     @property
     def at_once(self) -> bool:

@@ -192,14 +192,19 @@ class Values(np.ndarray):
     """
 
     _names: tuple[str, ...] = ()
+    _kind: type[np.ndarray] | None = None
 
     @classmethod
-    def of(cls, rows: np.ndarray, names: Iterable[str]) -> Values:
-        """Return rows under names."""
+    def of(cls, rows: np.ndarray, names: Iterable[str], kind: Any = None) -> Values:
+        """Return rows under names, each a plain array or of a kind."""
         names = tuple(names)
-        out: Values = np.asarray(rows, dtype=float).view(_class_of(names))
+        out: Values = np.asarray(rows, dtype=float).view(_class_of(names, kind))
         out._names = names
         return out
+
+    def _rows(self) -> np.ndarray:
+        plain = np.asarray(self)
+        return plain if self._kind is None else plain.view(self._kind)
 
     def __array_finalize__(self, other: Any) -> None:
         self._names = ()
@@ -216,23 +221,23 @@ class Values(np.ndarray):
         if isinstance(key, str):
             if key not in self._names:
                 raise KeyError(f"{key}; there are {', '.join(self._names) or 'none'}")
-            return np.asarray(self)[self._names.index(key)]
-        return np.asarray(self)[key]
+            return self._rows()[self._names.index(key)]
+        return self._rows()[key]
 
     def __getattr__(self, name: str) -> Any:
         names = self.__dict__.get("_names", ())
         if name in names:
-            return np.asarray(self)[names.index(name)]
+            return self._rows()[names.index(name)]
         raise AttributeError(f"no value is named {name!r}; there are {', '.join(names) or 'none'}")
 
     def __iter__(self) -> Any:
-        return iter(np.asarray(self))
+        return iter(self._rows())
 
 
 @lru_cache(maxsize=256)
-def _class_of(names: tuple[str, ...]) -> type[Values]:
+def _class_of(names: tuple[str, ...], kind: Any) -> type[Values]:
     """Return the class whose attributes of these names are rows, even where arrays have such attributes."""
-    return type("Values", (Values,), {n: _Row(k) for k, n in enumerate(names)})
+    return type("Values", (Values,), {n: _Row(k) for k, n in enumerate(names)} | {"_kind": kind})
 
 
 class _Row:
@@ -242,4 +247,4 @@ class _Row:
         self.k = k
 
     def __get__(self, values: Any, owner: Any = None) -> Any:
-        return np.asarray(values)[self.k]
+        return values._rows()[self.k]

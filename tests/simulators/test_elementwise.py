@@ -100,8 +100,12 @@ def test_only_functions_that_ask_for_numbers_are_made_anew() -> None:
     assert elementwise(rooted).__name__ == "rooted"
 
 
-def test_an_error_of_math_is_told_as_the_functions_own() -> None:
+@pytest.mark.parametrize("many", [1, 50])
+def test_a_function_has_no_value_where_math_raises(many) -> None:
     simulator, (t, x, u, p) = asked(rooted)
-    simulator.rate(t, np.abs(np.nan_to_num(x)), u, p)
+    inside, at = np.abs(np.nan_to_num(x)), (t[:many], u[:, :many], p[:, :many])
+    below = (at[0], -inside[:, :many] - 1.0, *at[1:])
     with pytest.raises(SimulatorRunError, match=r"rooted raised ValueError in line \d+: math domain error"):
-        simulator.rate(t, -np.abs(np.nan_to_num(x)) - 1.0, u, p)
+        simulator.rate(*below)  # it never answered
+    simulator.rate(t, inside, u, p)
+    assert not np.isfinite(simulator.rate(*below)).all()

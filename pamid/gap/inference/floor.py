@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ...signals.paths import reversals
 from ..residuals.ports import PortEvidence
@@ -182,5 +183,7 @@ def _forest(X: np.ndarray, y: np.ndarray, folds: np.ndarray, seed: int) -> np.nd
             early_stopping=False,
             random_state=seed,
         )
-        out[folds == k] = learner.fit(X[train], y[train]).predict(X[folds == k])
+        # Trees are small, so that threads would only wait for one another; limits set before the import do not hold.
+        with threadpool_limits(1, user_api="openmp"):
+            out[folds == k] = learner.fit(X[train], y[train]).predict(X[folds == k])
     return out

@@ -34,16 +34,16 @@ class Paths(PortSignals, ABC):
         """Return the sizes of the signals, and of the differences across two ports."""
         signals, simulator, some = self.signals(), self.simulator, some_instants(self.log.n)
         names = (simulator.states, simulator.inputs)
-        x, u = (np.array([signals[n][some] for n in some_of if n in signals]) for some_of in names)
-        whole = len(x) == len(simulator.states) and len(u) == len(simulator.inputs)
+        logged = [np.array([signals[n] for n in some_of if n in signals]).reshape(-1, self.log.n) for some_of in names]
+        whole = [len(rows) for rows in logged] == [len(some_of) for some_of in names]
+        x, u = (rows[:, some] for rows in logged)
         x = x if whole and len(x) else np.zeros((len(simulator.states), 0))
         levers = levers_of(simulator, self.joints, self.log.t[some], x, u)
         self.joints = at_levers(levers, self.joints, self.log.t[some], x, u)
         self.links = links_of(simulator, self.joints, levers, self.log.t[some], x, u)
         survey = self._survey(gaps)
         spans = {name: float(np.ptp(self.path_of(name))) for link in self.links for name in link.sources}
-        every = [np.array([signals[n] for n in some_of]) for some_of in names] if whole and len(x) else None
-        limited = simulator.limited(*every) if every else {}
+        limited = simulator.limited(*logged) if x.size else {}
         return survey._replace(spans={**survey.spans, **spans}, links=self.links, limited=limited)
 
     def driven(self) -> dict[str, np.ndarray]:

@@ -214,7 +214,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
             run = self.trajectories[int(self.run[bad[0]])]
             raise SimulatorRunError(
                 f"The simulator returns values that are not finite in {len(bad):,} of {len(residual):,} windows, first "
-                f"at {self.time[bad[0]]:.4g} s of '{run}'.",
+                f"at {self.time[bad[0]]:.4g} s of '{run}'. {self.simulator.undefined}",
                 "finite rates and outputs wherever the log has readings",
                 "Check its parameters and their units, or leave those rows out.",
             )

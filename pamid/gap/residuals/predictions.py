@@ -221,7 +221,7 @@ class PredictedEvidence(StretchEvidence):
         run = self.log.names[self.log.run[first]]
         raise SimulatorRunError(
             f"The simulator's prediction of {what} is {value} after {row * self.log.dt:.6g} s from "
-            f"{self.log.t[first]:.6g} s of '{run}'.",
+            f"{self.log.t[first]:.6g} s of '{run}'. {self.simulator.undefined}",
             "finite rates and outputs wherever the simulator goes",
             "Correct the simulator, or its parameters and inputs.",
         )

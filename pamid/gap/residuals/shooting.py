@@ -298,7 +298,8 @@ class ShootingEvidence(LateJumps):
         """Return the change of the residuals under effects and numbers near others, whose run is known."""
         begun = self._from.get(named(about, known), Begun(self._x0, self._O))
         near = self._near(begun.x0, self._drive(about, known), self._drive(active, numbers))
-        return self._compared(about, active, near, begun.influence)
+        found = self._compared(about, active, near, begun.influence)
+        return np.where(np.isfinite(found), found, 0.0)  # residuals of a run that fails are as large whatever changes
 
     def _compared(
         self, about: Active, active: Active, predictions: Iterable[np.ndarray], influence: Influence | None = None
