@@ -1,6 +1,7 @@
 """A plan in words: expected results, and the meaning of each outcome."""
 
 import math
+from collections.abc import Sequence
 
 from ..gap.design.plan import AS_IT_IS, TELLS, Plan
 from ..gap.settings import MATERIAL
@@ -57,12 +58,26 @@ def outcomes(plan: Plan) -> list[str]:
             f"({closest.low:.3g} to {closest.high:.3g}), and the {far.equation} error that {named(far.rival)} leaves "
             f"is {far.size:.2g} times the noise."
         )
-    for one, other in plan.alike:
-        found.append(
-            f"{capital(named(one))} and {named(other)} would stay one class: no run within the limits tells them apart."
-        )
+    for alike in _classes(plan.alike):
+        told = [named(n) for n in alike]
+        together = f"{', '.join(told[:-1])} and {told[-1]}"
+        found.append(f"{capital(together)} would stay one class: no run within the limits tells them apart.")
     if plan.runs and plan.expected:
         found.append("If all of them leave more than noise, the cause is another one: diagnose with the whole library.")
+    return found
+
+
+def _classes(pairs: Sequence[tuple[tuple[str, ...], tuple[str, ...]]]) -> list[list[tuple[str, ...]]]:
+    """Return sets of explanations of which every two are a pair; each pair is in one."""
+    alike, found = {frozenset(pair) for pair in pairs}, list[list[tuple[str, ...]]]()
+    for pair in pairs:
+        if any(set(pair) <= set(known) for known in found):
+            continue
+        own = list(pair)
+        for name in dict.fromkeys(n for p in pairs for n in p):
+            if name not in own and all(frozenset((name, other)) in alike for other in own):
+                own.append(name)
+        found.append(own)
     return found
 
 

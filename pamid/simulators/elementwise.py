@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from .matrices import Instants, matrices
+from .matrices import AtEachInstant, matrices
 from .ports import Values
 
 
@@ -149,8 +149,8 @@ def elementwise(function: Callable[..., Any], or_nan: bool = False) -> Callable[
 def _at_instants(given: Any) -> Any:
     """Return what a function is given, so that it knows which axis is the instants."""
     if isinstance(given, Values):
-        return Values.of(given, Values.named(given), Instants)
-    return np.asarray(given).view(Instants)
+        return Values.of(given, Values.named(given), AtEachInstant)
+    return np.asarray(given).view(AtEachInstant)
 
 
 def _codes(code: CodeType) -> Iterator[CodeType]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 
-class Instants(np.ndarray):
+class AtEachInstant(np.ndarray):
     """Numbers, vectors or matrices at many instants, the last axis; products are those of each instant."""
 
     def __matmul__(self, other: Any) -> Any:
@@ -36,19 +36,19 @@ class Instants(np.ndarray):
 
 def _depth(value: Any) -> int:
     """Return how many axes a value has at one instant."""
-    return np.ndim(value) - isinstance(value, Instants)
+    return np.ndim(value) - isinstance(value, AtEachInstant)
 
 
 def product(a: Any, b: Any) -> Any:
     """Return the product of two values, of which at least one is of many instants, at each instant."""
-    if not (isinstance(a, Instants) or isinstance(b, Instants)):
+    if not (isinstance(a, AtEachInstant) or isinstance(b, AtEachInstant)):
         return np.dot(a, b)
     rows, columns = _depth(a), _depth(b)
     if not (0 < rows <= 2 and 0 < columns <= 2):
         raise ValueError("products are of vectors and matrices")
     left, right = "ij"[2 - rows :], "jk"[:columns]
     out = left[:-1] + right[1:]
-    return np.einsum(f"{left}...,{right}...->{out}...", np.asarray(a), np.asarray(b)).view(Instants)
+    return np.einsum(f"{left}...,{right}...->{out}...", np.asarray(a), np.asarray(b)).view(AtEachInstant)
 
 
 def _stacked(value: Any) -> tuple[np.ndarray, int]:
@@ -68,34 +68,34 @@ def _array(value: Any, *given: Any, **options: Any) -> Any:
     found, depth = _stacked(value)
     if found.ndim == depth:
         return np.array(value, *given, **options)
-    return found.astype(float).view(Instants)
+    return found.astype(float).view(AtEachInstant)
 
 
 def _where(condition: Any, *either: Any) -> Any:
     found = np.where(condition, *either)
-    return found.view(Instants) if any(isinstance(one, Instants) for one in (condition, *either)) else found
+    return found.view(AtEachInstant) if any(isinstance(one, AtEachInstant) for one in (condition, *either)) else found
 
 
 def _first(value: Any) -> np.ndarray:
     """Return matrices or vectors with the instants as the first axis, which numpy's linear algebra expects."""
-    return np.moveaxis(np.asarray(value), -1, 0) if isinstance(value, Instants) else np.asarray(value)[None]
+    return np.moveaxis(np.asarray(value), -1, 0) if isinstance(value, AtEachInstant) else np.asarray(value)[None]
 
 
 def _solve(a: Any, b: Any) -> Any:
     vector = _depth(b) == 1
     found = np.linalg.solve(_first(a), _first(b)[..., None] if vector else _first(b))
-    return np.moveaxis(found[..., 0] if vector else found, 0, -1).view(Instants)
+    return np.moveaxis(found[..., 0] if vector else found, 0, -1).view(AtEachInstant)
 
 
 def _of(plain: Callable[..., Any]) -> Callable[[Any], Any]:
-    return lambda a: np.moveaxis(plain(_first(a)), 0, -1).view(Instants)
+    return lambda a: np.moveaxis(plain(_first(a)), 0, -1).view(AtEachInstant)
 
 
 def _at_each(plain: Callable[..., Any], n: int) -> Callable[..., Any]:
     """Return a function that makes an array, so that it makes one at each of n instants, to be filled."""
 
     def of(*given: Any, **options: Any) -> Any:
-        return np.repeat(plain(*given, **options)[..., None], n, axis=-1).view(Instants)
+        return np.repeat(plain(*given, **options)[..., None], n, axis=-1).view(AtEachInstant)
 
     return of
 

@@ -137,7 +137,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
         raise MissingColumnError(
             f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}.",
             f"at least one of {', '.join([p.source for p in signals if p.kind in shown][:20])}",
-            "Name the columns in [ports].",
+            "Name the columns in [ports], or let 'pamid init LOG --sim MODEL' map them.",
         )
     if "trajectory" in log.columns and is_measured(log["trajectory"], LogMapping()):
         raise ColumnTypeError(

@@ -1,6 +1,7 @@
 """Effects that have another form at a port than on the bench: diagnose, design the next run, go on with its log."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from pamid.bench import BenchParameters
 from pamid.cli import main
 from pamid.effects import all_effects
-from pamid.gap.several.history import fingerprint
+from pamid.gap.several.history import _bare, fingerprint
 from pamid.gap.several.per_log import main_parameter
 from pamid.simulators.catalogue import OF_PORTS, effect_class
 
@@ -113,6 +114,23 @@ def test_a_cause_of_another_form_at_ports_is_designed_for_and_gone_on_with(effec
     assert main(on) == 0
     said = json.loads((second / "diagnosis.json").read_text())
     assert [c["effects"] for c in said["causes"]] == [[effect]] and len(said["rounds"]) == 2
+
+
+def test_words_about_an_effect_do_not_make_it_another(monkeypatch) -> None:
+    before = fingerprint("coulomb_friction", at_ports=True)
+    effect = effect_class("coulomb_friction", at_ports=True)
+    described = tuple(replace(p, description="other words") for p in effect.parameters)
+    monkeypatch.setattr(effect, "__doc__", "Other words.")
+    monkeypatch.setattr(effect, "parameters", described)
+    assert fingerprint("coulomb_friction", at_ports=True) == before
+    monkeypatch.setattr(effect, "parameters", (replace(described[0], upper=2.0 * described[0].upper), *described[1:]))
+    assert fingerprint("coulomb_friction", at_ports=True) != before
+
+
+def test_code_is_compared_without_its_comments() -> None:
+    code = 'def f(x):\n    """Say."""\n    # why\n    y = "a"\n    return x + y\n'
+    assert _bare(code) == _bare(code.replace("Say", "Tell").replace("# why", "# how"))
+    assert _bare(code) != _bare(code.replace("x + y", "y + x")) and _bare(code) != _bare(code.replace('"a"', '"b"'))
 
 
 def test_a_name_is_that_of_the_effect_which_acts_there() -> None:

@@ -56,9 +56,9 @@ def test_the_readme_names_the_commands_for_some_kinds():
     page = Path(__file__).resolve().parents[2] / "README.md"
     if not page.is_file():
         pytest.skip("needs the repository")
-    lines = page.read_text(encoding="utf-8").splitlines()
-    (line,) = (text for text in lines if text.startswith("- `adapt` works only"))
-    assert line.count("`") == 2 * len(SAYS) and all(f"`{name}`" in line for name in SAYS)
+    items = page.read_text(encoding="utf-8").split("\n- ")
+    (item,) = (text for text in items if text.startswith("`pamid passport`"))
+    assert item.count("`") == 2 * len(SAYS) and all(f"`pamid {name}`" in item for name in SAYS)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -89,11 +89,14 @@ def planned(
     for change in rig.proposals if proposed else rig.changes:
         changed, words = rig.changed(change), ", ".join(f"{n} = {v:g}" for n, v in change.items())
         say(f"with {words}")
-        told[words], looked = 0.0, min(designs, FEW) if proposed else designs
+        told[words] = 0.0
         with contextlib.suppress(ExcitationError):
-            other = plan_as_is(changed, rivals, looked, purpose, library, seed, say)
+            if proposed:  # a preview tells whether it is worth a plan
+                told[words] = _searched(changed, rivals, min(designs, FEW), purpose, library, seed, say).promised
+                continue
+            other = plan_as_is(changed, rivals, designs, purpose, library, seed, say)
             told[words] = other.clarity
-            if not proposed and other.clarity > plan.clarity and (other.tells or not plan.tells):
+            if other.clarity > plan.clarity and (other.tells or not plan.tells):
                 plan = replace(other, rig=dict(change))
     return replace(plan, changed=told if len(told) > 1 else {})
 
@@ -108,6 +111,17 @@ def plan_as_is(
     say: Say = lambda _: None,
 ) -> Plan:
     """Return the runs of a rig that best discriminate between explanations, or determine the parameters of one."""
+    search = _searched(rig, rivals, designs, purpose, library, seed, say)
+    if not search.known:
+        names = [(r.names, r.belief) for r in rivals if r.effects.keys() <= rig.logs[-1].effects.keys()]
+        return Plan("none", [], rig.limits, [n for n, _ in names], [b for _, b in names], [], 0.0, False)
+    return search.plan()
+
+
+def _searched(
+    rig: Rig, rivals: Sequence[Rival], designs: int, purpose: str, library: str | Sequence[str], seed: int, say: Say
+) -> "_Search":
+    """Return the designs of a rig, ranked by a preview; of no explanations where there is nothing to tell apart."""
     rivals = [r for r in rivals if r.effects.keys() <= rig.logs[-1].effects.keys()]
     chosen = rivals[:RIVALS]
     if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
@@ -119,14 +133,13 @@ def plan_as_is(
         chosen = chosen if len(chosen) > 1 else []
     total = sum(r.belief for r in chosen) or 1.0
     chosen = [replace(r, belief=r.belief / total) for r in chosen]  # of those that are compared
-    if not chosen:
-        return Plan("none", [], rig.limits, [r.names for r in rivals], [r.belief for r in rivals], [], 0.0, False)
     rng = np.random.default_rng(seed)
     draws = DRAWS if asked == "discriminate" else 0
     known = [known_of(rig.logs, fit_of(r, rig.logs[-1]), r.belief, rng, draws) for r in chosen]
     search = _Search(rig, known, asked, rng, say)
-    search.look(designs)
-    return search.plan()
+    if known:
+        search.look(designs)
+    return search
 
 
 def unseen(logs: Sequence[ResidualSource], base: Rival, library: Sequence[str]) -> list[Rival]:
@@ -210,6 +223,11 @@ class _Search:
             self.say("try runs near the best")
             best = [run for _, run in self.found[:BEST]]
             self._take([limits.near(self.rng, best[k % len(best)], NEAR[k // len(best) % 2]) for k in range(more)])
+
+    @property
+    def promised(self) -> float:
+        """What the best design tells by its preview."""
+        return self.found[0][0] if self.found else 0.0
 
     # --- the answer -----------------------------------------------------------------------------------------
     def plan(self) -> Plan:

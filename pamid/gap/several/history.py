@@ -6,12 +6,15 @@ that a new hypothesis has its right posterior as well.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import inspect
+import io
 import json
 import os
+import tokenize
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Protocol
 
@@ -307,13 +310,28 @@ def _changed(then: Mapping[str, Any], now: AnySimulator, library: Mapping[str, s
 def fingerprint(name: str, at_ports: bool) -> str:
     """Return a hash of an effect's parameters and code; its form at ports may take a part of the library's."""
     effect, library = effect_class(name, at_ports), all_effects().values()
-    said = [repr(effect.parameters), repr(effect.equations), repr(effect.prior)]
+    numbers = [replace(p, description="") for p in effect.parameters]
+    said = [repr(numbers), repr(effect.equations), repr(effect.prior)]
     for part in [c for c in effect.__mro__ if c is effect or c in library]:
-        try:
-            said.append(inspect.getsource(part))
-        except (OSError, TypeError):
-            said.append(part.__qualname__)
+        for own in vars(part).values():
+            own = getattr(own, "fget", getattr(own, "__func__", own))
+            if inspect.isfunction(own):
+                with contextlib.suppress(OSError, TypeError):  # where there is no source, its name has to do
+                    said.append(_bare(inspect.getsource(own)))
+        said.append(part.__qualname__)
     return hashlib.sha256("\n".join(said).encode()).hexdigest()[:16]
+
+
+def _bare(source: str) -> str:
+    """Return code without comments and docstrings, which change no answer."""
+    found, fresh = [], True
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type in (tokenize.COMMENT, tokenize.NL):
+            continue
+        if not (fresh and token.type == tokenize.STRING):
+            found.append(token.string)
+        fresh = token.type in (tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT)
+    return " ".join(found)
 
 
 def seconds(logs: Any) -> float:
