@@ -184,10 +184,7 @@ class FunctionSimulator(Simulator):
     def _defined(
         self, what: str, names: tuple[str, ...], asked: Callable[[], Any], function: Callable[..., Any],
     ) -> np.ndarray | Sequence[float]:  # fmt: skip
-        """Return a function's numbers at an instant; NaN where it has none there but had some elsewhere.
-
-        `math` raises where numpy returns NaN. A function that fails before it answered anywhere is reported.
-        """
+        """Return a function's numbers at an instant; NaN where `math` raises there, but not everywhere."""
         try:
             answer = _in_order(asked(), names)
         except SimulatorRunError as error:
