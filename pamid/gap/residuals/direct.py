@@ -44,7 +44,7 @@ from .derived import speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .kinks import at_unknown_instants, root_mean_square
 from .motion_rates import MotionRates
-from .port_windows import PortWindows
+from .port_signals import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints
 from .steps import earlier, within_steps
@@ -289,10 +289,7 @@ class DirectEvidence(MotionRates):
         return out
 
     def _path(self, name: str, table: dict[str, np.ndarray], link: Link | None) -> np.ndarray:
-        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral.
-
-        The table keeps it.
-        """
+        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral."""
         key, sources = f"{name}.steady", (name,) if link is None else link.sources[name]
         if key in table:
             return table[key]
@@ -369,10 +366,7 @@ class DirectEvidence(MotionRates):
         return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, each, self._exact), 2)
 
     def _bent(self, rates: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return what curves within each step add to the means of rates that do not contain it.
-
-        Where an exponential bends by half of its change, Simpson's rule no longer halves the error.
-        """
+        """Return what bends within a step adds to mean rates without it, where Simpson's rule halves the error."""
         if self._step is not None:
             self._curve = np.zeros_like(self._curve)
             return np.zeros_like(rates)
@@ -434,10 +428,7 @@ class DirectEvidence(MotionRates):
         return self._as_tested(parts)
 
     def _turn(self) -> Turned | None:
-        """Return the map from residuals of rates to those of forces, or one that decouples the joints' drives.
-
-        It takes equations of the same order, so that their windows are the same.
-        """
+        """Return the map from residuals of rates of one order to forces, or one that decouples the joints' drives."""
         moving = [(k, b) for k, b in enumerate(self.balances) if b.order and not b.velocity]
         if not moving or len({b.order for _, b in moving}) > 1:
             return None

@@ -18,6 +18,7 @@ from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
 from ..settings import TOLERANCE
 from .between_rows import STEPS, TIMINGS
+from .port_signals import PortSignals
 from .protocol import Spec
 from .whitening import Whitening
 
@@ -33,17 +34,15 @@ at other values are not reused; the same causes come of half and of twice as muc
 --computed``)."""
 
 
-class Tolerances(ABC):
+class Tolerances(PortSignals, ABC):
     """Sensitivities of residuals to a simulator's free parameters."""
 
-    simulator: Simulator
     given: Simulator
     free: list[str]
     about: np.ndarray
     z0: np.ndarray
     J: np.ndarray
     noise: np.ndarray
-    parts: list[slice]
     weights: np.ndarray
     _own: Active
     skews: dict[str, np.ndarray]

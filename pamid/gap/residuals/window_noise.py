@@ -15,7 +15,6 @@ from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
 from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
-from .port_signals import PortSignals
 from .protocol import Active
 from .repeats import repeating
 from .tolerances import Tolerances, rms
@@ -32,7 +31,7 @@ MEASURED = "The noise of {} is allowed for: the residuals show that such inputs 
 _LEAST = 1e-6
 
 
-class WindowNoise(Tolerances, PortSignals, ABC):
+class WindowNoise(Tolerances, ABC):
     """The noise of the windows of a log at ports, estimated from the log itself."""
 
     simulates: bool
@@ -235,11 +234,8 @@ class WindowNoise(Tolerances, PortSignals, ABC):
         self.weights = 1.0 / self.memory
 
     def _repeat(self) -> None:
-        """Estimate the noise from repeated runs: no model of these signals predicts their difference.
-
-        Neighbouring samples underestimate it where readings were smoothed, or drift; then it is also correlated, and
-        that many windows count as one.
-        """
+        """Estimate the noise from repeated runs: smoothed or drifting readings hide it between neighbouring samples."""
+        # Such noise is correlated, too: that many windows count as one.
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
         inputs, channels = self.simulator.inputs, self.log.channels
         if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats
