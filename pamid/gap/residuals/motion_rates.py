@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
 from collections.abc import Mapping
 
 import numpy as np
@@ -12,12 +12,15 @@ from ...simulators.sizes import SignalSizes
 from ...simulators.structure import some_instants, straight
 from ..settings import EXCESS
 from .along import wide
-from .bends import fewest
+from .bends import fewest, means
+from .between_rows import after
 from .derived import rounded_off
 from .states import integral, roles_of
 from .tolerances import rms
 from .undone import UndoneEvidence
 from .window_length import window_noise
+
+Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class MotionRates(UndoneEvidence, ABC):
@@ -36,26 +39,19 @@ class MotionRates(UndoneEvidence, ABC):
     """Steps in which a sample is run over where it is run as good as exactly."""
 
     @property
-    @abstractmethod
     def says_forces(self) -> bool:
         """Whether residuals are converted to forces."""
+        return self._turned is not None and self._turned.forces
 
-    @abstractmethod
-    def _ends(self, u: np.ndarray) -> np.ndarray:
-        """Return the inputs at the end of each step."""
-
-    @abstractmethod
-    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
-
-    @abstractmethod
     def _some(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return some instants with the states and inputs there."""
+        some = some_instants(self.log.n)
+        return self.log.t[some], self._x[:, some], self._u[:, some]
 
     @property
-    @abstractmethod
     def _steps(self) -> np.ndarray:
         """Changes of inputs that count as small."""
+        return 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
 
     def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
         log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
@@ -82,6 +78,23 @@ class MotionRates(UndoneEvidence, ABC):
         return roles_of(self.simulator, self.joints, equation)
 
     # --- rates -------------------------------------------------------------------------------------------------
+    def _ends(self, u: np.ndarray) -> np.ndarray:
+        """Return the inputs at the end of each step."""
+        return after(u, self.log) if self.lines else u
+
+    def _both(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> Instant:
+        """Return times, states, inputs and parameters at both ends of each step."""
+        log, each = self.log, wide(p, self.log.n)
+        t = np.concatenate([log.t, log.t + log.dt])
+        return t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
+
+    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
+        if self._step is None:
+            return self.simulator.rate(*self._both(x, u0, u1, p))
+        each = wide(p, self.log.n)
+        return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, each, self._exact), 2)
+
     def _take_fewer_steps(self) -> None:
         """Run over each sample in as few steps as readings can tell from exact ones: each costs four rates a row."""
 

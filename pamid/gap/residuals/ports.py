@@ -10,7 +10,7 @@ from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
-from typing import NamedTuple, Self
+from typing import Self
 
 import numpy as np
 
@@ -45,14 +45,6 @@ def idle(name: str, where: str) -> str:
     return f"The simulator's own effect {name} at {where} cannot act on this log, since nothing moves there."
 
 
-class Aside(NamedTuple):
-    """A nuisance parameter that is fixed."""
-
-    name: str
-    skew: np.ndarray
-    """What one tolerance of it adds to the residuals."""
-
-
 class PortEvidence(WindowNoise, Settled, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
@@ -78,16 +70,11 @@ class PortEvidence(WindowNoise, Settled, ABC):
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
     one_sided = True
-    simulates = False
-    """Whether residuals are those of simulated stretches, not of the equations at the logged states."""
     runs_within_steps = False
     """Whether the simulator is run over each sample, since its motion within one matters."""
     _nuisances: np.ndarray | None = None
-    _aside: Aside | None = None
-    _u: np.ndarray
-    """Inputs at each row."""
-    n: int
-    """Samples per window."""
+    _aside: tuple[str, np.ndarray] | None = None
+    """A nuisance parameter that is fixed, and what one tolerance of it adds to the residuals."""
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False, lines: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
@@ -280,49 +267,10 @@ class PortEvidence(WindowNoise, Settled, ABC):
         """
         return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
 
-    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
-        """Return the parameters changed by multiples of their tolerances."""
-        out = self.simulator.numbers
-        for k, (name, p) in enumerate(self.given.parameters.items()):
-            out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
-        return out
-
     def _allow(self) -> None:
         """Make what is not known within a sample free parameters."""
         self.free = [*self.free, *self.skews]
         self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
-
-    def active(self, spec: Spec) -> Active:
-        """Return the simulator's own effects and those of a spec, made."""
-        return [*self._own, *((self.placements[k], self.placements[k].effect(**v)) for k, v in spec.items())]
-
-    def z(
-        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
-    ) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in units of the noise and white."""
-        if not spec and not any((deviations or {}).values()):
-            return self.z0.copy()
-        known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
-        active = self.active(spec)
-        found = self._kept.get(repr(known), lambda: self._bare(active, deviations or {}))
-        return self._whitening.white(self._finite(found + self._skewed(deviations or {}, active)) / self.noise)
-
-    def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
-        """Return the deviations that need new residuals: clocks act linearly."""
-        return {k: v for k, v in deviations.items() if v and k not in self.skews}
-
-    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances from deviations x change, in the units of the equations."""
-        here, *there = (self._finite(self._bare(active, self._named(v))) for v in (x, *(x + step for step in steps)))
-        return [one - here for one in there]
-
-    def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the same without clock offsets; not finite where the simulator is not."""
-        with np.errstate(all="ignore"):
-            return self._residual(active, self.numbers(deviations))
-
-    def _finite(self, found: np.ndarray) -> np.ndarray:
-        return np.where(np.isfinite(found), found, 1e3 * self.noise)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others, at deviations x."""
@@ -427,7 +375,7 @@ class PortEvidence(WindowNoise, Settled, ABC):
 
     def _set_aside(self, name: str) -> None:
         """Fix a nuisance parameter at zero; `stepped` frees it again."""
-        self._aside = Aside(name, self.skews[name])
+        self._aside = name, self.skews[name]
         self.value = self.value - self.about[self.free.index(name)] * self.skews[name]
         self.z0 = self.white(self.value / self.noise)
         self._keep_free([other for other in self.free if other != name])

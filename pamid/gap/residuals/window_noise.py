@@ -15,7 +15,6 @@ from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
 from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
-from .protocol import Active
 from .repeats import repeating
 from .tolerances import Tolerances, rms
 from .whitening import Whitening, memory_of, smoothed
@@ -34,7 +33,8 @@ _LEAST = 1e-6
 class WindowNoise(Tolerances, ABC):
     """The noise of the windows of a log at ports, estimated from the log itself."""
 
-    simulates: bool
+    simulates = False
+    """Whether residuals are those of simulated stretches, not of the equations at the logged states."""
     run: np.ndarray
     first: np.ndarray
     time: np.ndarray
@@ -44,7 +44,9 @@ class WindowNoise(Tolerances, ABC):
     stretch: float
     pace: float
     n: int
+    """Samples per window."""
     _u: np.ndarray
+    """Inputs at each row."""
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
     hears_inputs = False
@@ -58,12 +60,6 @@ class WindowNoise(Tolerances, ABC):
     _unresolved: np.ndarray | float = 0.0
     _opened: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = ()
     """Jumps at unknown instants, how far rows may be off, and what noise this makes of each window."""
-
-    @abstractmethod
-    def _residual(
-        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
-    ) -> np.ndarray:
-        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
     def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
@@ -124,10 +120,7 @@ class WindowNoise(Tolerances, ABC):
         self.noise = np.hypot(self.noise, self._unresolved)
 
     def hear_inputs(self, fitted: RobustFit | Fit | None = None) -> bool:
-        """Return whether what a fit leaves shows the noise of inputs, which then counts.
-
-        By default it is a fit without any cause. What it does with an input within a sample it does with its noise.
-        """
+        """Return whether what a fit, without causes by default, leaves shows the noise of inputs, which then counts."""
         if self.hears_inputs or self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
         sigma = rough_inputs(self._u, self.log.spans)
