@@ -311,10 +311,6 @@ class PredictedEvidence(StretchEvidence):
             self._along.update(along)
         return self._shown(*held, self.shown), self._shown(*straight, self.shown)
 
-    def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[np.ndarray, np.ndarray]:
-        """Return the channels under a drive, exactly and with steps of Euler's method."""
-        return self._responded(x0, base, base, lambda response: response.of_steps())
-
     def _responded(
         self, x0: np.ndarray, base: Drive, drive: Drive, change_of: Callable[[Response], np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:

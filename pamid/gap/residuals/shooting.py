@@ -183,7 +183,8 @@ class ShootingEvidence(PredictedEvidence):
         base = self._drive([], self.simulator.numbers)
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
-            column = self._compared([], [], map(self._fold, self._stepped(self._x0, base))) / SMALL
+            by_euler = self._responded(self._x0, base, base, lambda response: response.of_steps())
+            column = self._compared([], [], map(self._fold, by_euler)) / SMALL
             if np.any(column):
                 self.skews[STEPS] = column
         self._allow()
