@@ -39,7 +39,7 @@ def tried(d: Diagnosis, log: pd.DataFrame, like: PortEvidence | None = None) -> 
     """Return a diagnosis with what the corrected simulator closes, in which no cause is sure if that is too little.
 
     Residuals of the equations are linear in a law at the logged states; a simulator that is solved anew weighs them by
-    its own inertia and noise. Where the fit also adjusts what a simulator cannot hold, it counts without that.
+    its own inertia and noise.
     """
     if d.corrected is None or d.interrupted or not d.added:
         return d
@@ -48,11 +48,9 @@ def tried(d: Diagnosis, log: pd.DataFrame, like: PortEvidence | None = None) -> 
             warnings.simplefilter("ignore")  # all of them were told at the beginning
             shares = closes(d, log, d.corrected, like)
     except PamidError:  # a simulator that does not follow the log is told where it is written
-        shares = {}
+        return d
     closure = [replace(c, again=shares.get(c.equation, math.nan)) for c in d.closure]
-    by_itself = {c.equation: c.alone if c.allowed else c.again for c in closure}
-    left = {c.equation for c in closure if c.ci90[0] > 1.0 - c.ci90[0]}
-    left = {equation for equation in left if by_itself[equation] < 1.0 - by_itself[equation]}
+    left = {c.equation for c in closure if c.ci90[0] > 1.0 - c.ci90[0] and c.again < 1.0 - c.again}
     sure = [c.equation in left and c.grade == "sure" for c in d.causes]
     causes = [replace(c, with_reserve=True, grade="reserve") if s else c for c, s in zip(d.causes, sure, strict=True)]
     return replace(d, closure=closure, causes=causes, with_reserve=any(c.with_reserve for c in causes))

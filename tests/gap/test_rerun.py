@@ -14,8 +14,8 @@ from pamid.simulators import EquationSimulator, Port
 from pamid.simulators.port_log import port_log
 
 
-def found(equation="joint", low=0.9, **more):
-    closure = Closure(equation, 2.0, 1.1, 1.0, 0.95, (low, 1.0), **more)
+def found(equation="joint", low=0.9, allowed=""):
+    closure = Closure(equation, 2.0, 1.1, 1.0, 0.95, (low, 1.0), allowed=allowed)
     cause = Cause(("friction",), equation, 0.95, 0.95, (low, 1.0), {})
     blank = {"p_value": 0.0, "equations": [], "regions": [], "bands": [], "trajectories": [], "candidates": []}
     rest = {"next_run": None, "notes": [], "nominal": None, "windows": None}
@@ -29,8 +29,7 @@ def found(equation="joint", low=0.9, **more):
         (2.0, {}, "reserve"),
         (1.75, {}, "reserve"),
         (2.0, {"low": 0.3}, "sure"),  # not said to close more
-        (2.0, {"allowed": "timing of u", "alone": 0.9}, "sure"),  # what it closes without is known
-        (2.0, {"allowed": "timing of u", "alone": 0.1}, "reserve"),
+        (2.0, {"allowed": "timing of u"}, "sure"),  # the report says what else it takes
     ],
 )
 def test_a_name_is_sure_only_if_the_simulator_follows(monkeypatch, rmse, given, grade):
