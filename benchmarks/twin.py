@@ -7,12 +7,17 @@ from __future__ import annotations
 
 import argparse
 import os
+import sys
 import time
+from pathlib import Path
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")  # the figures are for one core
+if __package__ in (None, ""):
+    sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np
 
+from benchmarks._balance import balances
 from pamid.bench import (
     DATASETS,
     SENSORS,
@@ -27,7 +32,6 @@ from pamid.bench import (
     triangle_trajectories,
     unfold,
 )
-from pamid.bench.balance import balances
 from pamid.bench.references import PERIOD
 from pamid.bench.simulation import run_batch
 from pamid.effects import make_effect

@@ -227,10 +227,7 @@ class _GeometrySearch(NamedTuple):
     upper: np.ndarray
 
     def best(self, how: dict[str, Any]) -> Solution:
-        """Fit from the user's start and from the best bare geometry; keep the better fit.
-
-        The bare geometry stays out of the long flat valley that diameter and angle share.
-        """
+        """Fit from the user's start and from the best bare geometry; keep the better fit."""
         found = [self.fit(self.begin, **how)]
         geometry = np.array([n in ("rest_diameter", "braid_angle") for n in self.names])
         if geometry.all() and not found[0].at_bound.any():

@@ -152,9 +152,7 @@ def _assigned(module: str) -> frozenset[str]:
     """Return the names after a dot that a module assigns to, such as ``coef_`` in ``self.coef_ = ...``."""
     source = inspect.getsource(sys.modules[module])
     return frozenset(
-        node.attr for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Attribute) and _stored(node)
+        node.attr
+        for node in ast.walk(ast.parse(source))
+        if isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)
     )
-
-
-def _stored(node: ast.Attribute) -> bool:
-    return isinstance(node.ctx, ast.Store) and isinstance(node.value, ast.Name)

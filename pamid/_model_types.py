@@ -15,7 +15,6 @@ import numpy as np
 from ._discovery import module_names
 
 MAX_DEPTH = 400
-MAX_DEPTH = 400
 _DATACLASS_PACKAGES = (
     "pamid.laws",
     "pamid.volume",

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..errors import OutputError, SimulatorRunError
 from ..files import write_whole
 
 if TYPE_CHECKING:
@@ -73,8 +74,6 @@ def _told(short: dict[str, float], name: str) -> str:
 
 def _unless_it_fails(stage: Path, names: tuple[str, ...], make: Callable[[], None]) -> list[str]:
     """Make files; where that fails, remove them and say why. A diagnosis is worth having without them."""
-    from ..errors import OutputError
-
     try:
         make()
     except OutputError:
@@ -91,7 +90,6 @@ def _run_some_steps(page: Path) -> None:
     import mujoco
     import numpy as np
 
-    from ..errors import SimulatorRunError
     from ..simulators.mujoco_callback import corrected
 
     model, acting = corrected(page)
@@ -104,7 +102,6 @@ def _run_some_steps(page: Path) -> None:
 
 def _write_fmu(simulator: FmuSimulator, path: Path) -> None:
     """Pack a corrected FMU, and let it make some steps where the original can."""
-    from ..errors import SimulatorRunError
     from ..simulators import FmuSimulator
     from ..simulators.fmu_wrapper import wrapped
 

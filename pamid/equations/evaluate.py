@@ -77,17 +77,8 @@ class Evaluation(TrajectoryEvaluation):
 
     def as_dict(self) -> dict[str, Any]:
         """Return the evaluation as plain numbers and text."""
-        return {
-            "rmse": self.rmse,
-            "nrmse": self.nrmse,
-            "noise_floor": self.noise_floor,
-            "unit": self.unit,
-            "n_windows": self.n_windows,
-            "trajectories": {
-                name: {"rmse": t.rmse, "nrmse": t.nrmse, "noise_floor": t.noise_floor, "n_windows": t.n_windows}
-                for name, t in self.trajectories.items()
-            },
-        }
+        own = {name: getattr(self, name) for name in ("rmse", "nrmse", "noise_floor", "unit", "n_windows")}
+        return {**own, "trajectories": {name: dict(vars(run)) for name, run in self.trajectories.items()}}
 
 
 class LogEvaluation(Mapping[str, Evaluation]):

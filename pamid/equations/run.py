@@ -12,6 +12,7 @@ from ..bench.parameters import BenchParameters
 from ..effects import Effect, FlowTerm, Plant, Signals
 from ..laws.valve import valve_flow
 from ..signals.paths import Path, play
+from ..signals.stretches import stretches_of
 from .noise import ChannelNoise, channel_noise, noise_beside
 from .stretch import BRIDGED, HALF, Stretch, remembered
 from .windows import WINDOW, Windows, average, span, starts
@@ -413,8 +414,7 @@ def _response(effect: Effect, dt: float) -> np.ndarray:
 
 def _widened(rows: np.ndarray, head: int, tail: int) -> np.ndarray:
     """Return rows with those up to ``head`` after and ``tail`` before any of them."""
-    edges = np.diff(np.concatenate([[0], rows.astype(np.int8), [0]]))
     out = rows.copy()
-    for a, b in zip(np.flatnonzero(edges == 1).tolist(), np.flatnonzero(edges == -1).tolist(), strict=True):
+    for a, b in stretches_of(rows):
         out[max(a - tail, 0) : b + head] = True
     return out

@@ -16,6 +16,7 @@ from scipy.sparse import csr_array
 from ..effects import Signals
 from ..remembered import Remembered
 from ..signals.paths import Path
+from ..signals.stretches import stretches_of
 from .noise import ChannelNoise, roughness
 from .windows import WINDOW, Bridge, Windows, samples_per_window
 
@@ -70,10 +71,8 @@ class Stretch:
         """Return the rows of holes of a channel that are longer than a time, s; those in which it jumped with them."""
         out = np.zeros(len(self.time), dtype=bool)
         for bridge in self.bridges.get(channel, ()):
-            begin, end = _holes(bridge.given)
-            long = (end - begin + 1) * self.dt > longest * (1 + 1e-9)
-            for a, b in zip(begin[long].tolist(), end[long].tolist(), strict=True):
-                out[a:b] = True
+            for a, b in stretches_of(~bridge.given):
+                out[a:b] |= (b - a + 1) * self.dt > longest * (1 + 1e-9)
         return out
 
     def torn(self, channel: str) -> np.ndarray:
@@ -227,7 +226,7 @@ def _between(x: np.ndarray, given: np.ndarray, least: float) -> tuple[float, np.
     bend = 1.4826 * float(np.median(bends))
     # Most samples of a signal at rest say nothing.
     most = max(_JUMP * max(bend, float(np.quantile(bends, 0.9)) / 1.645), least)
-    for a, b in zip(*_holes(given), strict=True):
+    for a, b in stretches_of(~given):
         if a < 2 or b > len(x) - 2 or not (given[a - 2] and given[b + 1]):
             torn[a:b] = bool(a > 0 and b < len(x) and abs(x[b] - x[a - 1]) > most * (b - a + 1))
             continue
@@ -235,9 +234,3 @@ def _between(x: np.ndarray, given: np.ndarray, least: float) -> tuple[float, np.
         jump = x[b] - x[a - 1] - half * (x[a - 1] - x[a - 2] + x[b + 1] - x[b])
         torn[a:b] = abs(jump) > most * np.sqrt(2.0 * (1.0 + half) ** 2 + 2.0 * half**2)
     return bend, torn
-
-
-def _holes(given: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the first row of each hole and the first one after it."""
-    edges = np.diff(np.concatenate([[1], given.astype(np.int8), [1]]))
-    return np.flatnonzero(edges == -1), np.flatnonzero(edges == 1)

@@ -26,9 +26,9 @@ WINDOW = 0.02
 _KEPT = 24  # weighted sums whose covariances are kept for fits to come
 
 
-def samples_per_window(dt: float, window: float = WINDOW) -> int:
+def samples_per_window(dt: float) -> int:
     """Return the number of samples in a window, at least one."""
-    return max(1, round(window / dt))
+    return max(1, round(WINDOW / dt))
 
 
 @cache

@@ -21,10 +21,7 @@ from .simulated import evidence_of
 
 
 def residuals_of(log: pd.DataFrame, simulator: Simulator, like: PortEvidence | None = None) -> PortEvidence:
-    """Return the residuals of a simulator with ports, or of its equation, on a log, in the units there.
-
-    Predictions go over the same stretches as those of other evidence of the log.
-    """
+    """Return the residuals of a simulator on a log, in the units there; predictions over the stretches of another."""
     if isinstance(like, ShootingEvidence):
         return ShootingEvidence(like.log, simulator, lines=like.lines, like=like)
     if not simulator.states_equation:

@@ -47,10 +47,7 @@ def evidence_on(
     problem: Problem, equation: OnEquation, simulator: Simulator | None = None, without: np.ndarray | None = None,
     position: float | None = None, noise: np.ndarray | None = None, again: Again | None = None, refit: bool = False,
 ) -> SignalEvidence:  # fmt: skip
-    """Return the evidence on an equation; a position counts as a strain of one, `noise` are draws of the residual's.
-
-    With `again` numbers that have a tolerance are free.
-    """
+    """Return the evidence; `position` is a strain of one, `noise` are draws, `again` frees numbers with a tolerance."""
     columns, contraction = dict(problem.roles), is_contraction(problem.plant, problem.roles)
     if simulator is not None:  # rates that a log lacks are named after their signals
         rates = {"velocity": "position", "pressure_rate": "pressure"}

@@ -31,10 +31,7 @@ def as_pandas(table: Any) -> Any:
 
 
 def logs_as_pandas(log: Any, taken: Collection[str] = ()) -> Any:
-    """Return a log, or several by name, with data frames of polars and pyarrow converted to pandas.
-
-    Those of a list are "log", "log 2", ..., without the names that are taken.
-    """
+    """Return a log, or several by name (of a list "log", "log 2", ...), with frames of polars and pyarrow as pandas."""
     if isinstance(log, str | PurePath | list | tuple):
         log = log if isinstance(log, list | tuple) else [log]
         log = dict(zip(free_names(len(log), taken), log, strict=True))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import fields
+from copy import copy
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
@@ -241,11 +242,8 @@ class Simulator(AnySimulator):
         UnknownParameterError
             It has no parameter of such a name.
         """
-        import copy
-        from dataclasses import replace
-
         refuse_others(parameters or {}, self.parameters, "The simulator has no parameter", remedy="Correct it.")
-        out = copy.copy(self)
+        out = copy(self)
         changed = {k: replace(self.parameters[k], value=float(v)) for k, v in (parameters or {}).items()}
         out.parameters = {**self.parameters, **changed}
         if effects is not None:

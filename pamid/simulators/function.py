@@ -184,10 +184,7 @@ class FunctionSimulator(Simulator):
     def _defined(
         self, what: str, names: tuple[str, ...], asked: Callable[[], Any], function: Callable[..., Any],
     ) -> np.ndarray | Sequence[float]:  # fmt: skip
-        """Return a function's numbers at an instant; NaN where it has none there but had some elsewhere.
-
-        `math` raises where numpy returns NaN. A function that fails before it answered anywhere is reported.
-        """
+        """Return a function's numbers at an instant; NaN where `math` raises there, but not everywhere."""
         try:
             answer = _in_order(asked(), names)
         except SimulatorRunError as error:
@@ -398,7 +395,7 @@ def _rows(answer: Any, names: tuple[str, ...], function: Callable[..., Any]) -> 
                 "Return every port by name.",
             )
         answer = [answer[n] for n in names]
-    one = len(names) == 1 and np.ndim(answer) in (0, 1) and not _is_list_of_one(answer)
+    one = len(names) == 1 and np.ndim(answer) in (0, 1) and not (np.ndim(answer) and len(answer) == 1)
 
     @functools.wraps(function)
     def taken() -> list[Any]:  # a function that yields its values runs only now
@@ -437,10 +434,6 @@ def _count(answer: Any, rows: list[Any], names: tuple[str, ...]) -> str:
     if np.ndim(answer) > 0 and isinstance(answer, Sized):
         return str(len(answer))
     return f"more than {len(names)}" if len(rows) > len(names) else str(len(rows))
-
-
-def _is_list_of_one(answer: Any) -> bool:
-    return (isinstance(answer, (list, tuple)) and len(answer) == 1) or (np.ndim(answer) > 0 and len(answer) == 1)
 
 
 def _agrees(at: Callable[[Any], np.ndarray], at_many: Callable[[Any], np.ndarray], n: int, rows: int) -> bool:

@@ -424,10 +424,7 @@ def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
 
 
 def _gas(known: Slopes, level: str, piston: str) -> bool:
-    """Return whether a piston's influence on a pressure grows with the pressure.
-
-    It is asked at a share of the pressure itself: beside a high one, the range of a log may be too small to show it.
-    """
+    """Return whether a piston's influence on a pressure grows with the pressure, at a share of the pressure itself."""
     names, at = known.simulator.states, known.at
     i, k = names.index(level), names.index(piston)
     x = at.x.copy()

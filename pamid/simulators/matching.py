@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..signals.headers import read_header
+from ..signals.unit_names import unit_name
 from ..signals.units import UNITS
 from .base import Simulator
 from .likeness import (
@@ -391,8 +392,6 @@ def _only_pair(places: Sequence[Place]) -> dict[str, str]:
 
 def _own(place: Place) -> str:
     """Return the unit of a port as `pamid.signals.UNITS` names it; empty where it is unknown."""
-    from ..signals.unit_names import unit_name
-
     return (unit_name(place.port.unit) or "") if dimension(place.port.unit) else ""
 
 

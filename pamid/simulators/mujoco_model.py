@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar, Self
@@ -410,10 +411,8 @@ class MujocoSimulator(Simulator):
 
     def compiled(self) -> Any:
         """Return the model for MuJoCo itself, with the values of the parameters; delays in it are effects."""
-        import copy
-
         self._set(np.asarray(self.numbers, dtype=float))
-        return copy.copy(self._m)
+        return copy(self._m)
 
     def corrected_xml(self) -> tuple[str, list[tuple[str, str, dict[str, float]]]]:
         """Return the model with those of its effects and numbers that MJCF has elements for, and the other effects.

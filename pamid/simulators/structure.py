@@ -111,10 +111,7 @@ def joints_of(
 
 
 def _mixed(joint: JointPort, joints: Sequence[JointPort], pushes: Mapping[tuple[str, str], float]) -> bool:
-    """Return whether the input at a joint is a force of another kind, such as of a rotor beside the centre of mass.
-
-    The response of joints to forces at them is symmetric (action equals reaction), up to the units of the inputs.
-    """
+    """Return whether the input at a joint is another force, as of a rotor: responses to forces there are symmetric."""
     return any(
         pushes.get((other.through, joint.velocity), 0.0) * pushes.get((joint.through, other.velocity), 0.0) < 0.0
         for other in joints

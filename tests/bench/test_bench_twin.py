@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmarks._balance import balances
 from pamid.bench import (
     DATASETS,
     IDEAL,
@@ -24,7 +25,6 @@ from pamid.bench import (
     triangle,
     unfold,
 )
-from pamid.bench.balance import balances
 from pamid.bench.datasets import step_trajectories, training_trajectories, triangle_trajectories
 from pamid.bench.muscles import Muscles
 from pamid.bench.references import Trajectory

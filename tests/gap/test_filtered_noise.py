@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.inference.worth import Worth
+from pamid.gap.inference.first_order import FirstOrder
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.residuals.states import measured_states
 from pamid.simulators import EquationSimulator, ModelParameter, Port
@@ -97,7 +97,7 @@ def test_below_widened_noise_is_no_gain(monkeypatch):
     """What a set pays to have its noise widened is not charged a second time as residuals that are too small."""
     log = port_log(resonant(frequency=9.0), SLOW)
     evidence = DirectEvidence(log, SLOW, measured_states(SLOW, log), refit=False)
-    worth = Worth(evidence)
+    worth = FirstOrder(evidence, [])
     fit = worth.fitter.refine({"sensor_compliance@x": {"frequency": 9.0, "damping": 0.15}})
     charged, usual = [], evidence.widening(fit.spec)
     monkeypatch.setattr(worth, "_below_noise", lambda left: charged.append(left) or 0.0)

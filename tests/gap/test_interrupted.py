@@ -189,7 +189,7 @@ def test_a_part_of_a_long_log_names_what_the_whole_does(log: pd.DataFrame, monke
     found = diagnose_simulator(log, RAILS, LIBRARY)
     assert named(found) == [("viscous_friction", "x")]
     assert found.causes[0].parameters["coefficient"].value == pytest.approx(FRICTION, rel=0.03)
-    assert any("searched in 600 rows, and fitted to 1,800" in text for text in found.notes)
+    assert any("searched for in 600 rows and fitted to 1,800" in text for text in found.notes)
     assert len(found.trajectories) == 3
 
 

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 from scipy.signal import lfilter
 
+from pamid.gap.inference.first_order import FirstOrder
 from pamid.gap.inference.gauss_newton import Fitter
-from pamid.gap.inference.worth import Worth
 from pamid.gap.residuals.between_rows import PIECES, curved
 from pamid.gap.residuals.jumps import NOTE
 from pamid.gap.residuals.shooting import ShootingEvidence
@@ -83,7 +83,7 @@ def test_a_late_sensor_holds_what_jumps_between_uneven_rows_change():
     evidence = ShootingEvidence(port_log(pd.concat(runs, ignore_index=True), CHAIN), CHAIN)
     assert NOTE in evidence.notes and len(evidence.stretches) == 2
     assert evidence.widening({}) is None
-    found = Worth(evidence).hypothesis(Fitter(evidence).refine(late(evidence, LAG)))
+    found = FirstOrder(evidence, []).hypothesis(Fitter(evidence).refine(late(evidence, LAG)))
     assert np.max(found.left) < 1.2  # twice that if the noise is taken to last no longer than without the lag
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.gap.readings import KinematicEvidence
 from pamid.gap.residuals import direct
-from pamid.gap.residuals.between_readings import KinematicEvidence
 from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.residuals.states import measured_states
 from pamid.simulators import FunctionSimulator, Port

@@ -11,6 +11,7 @@ from ...errors import ExtrapolationWarning, ParameterError
 from ...requirements import last_step
 from .._fitting import held_out, pipeline, with_rates
 from .._progress import progress
+from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
 from ..common import (
     add_command,
     add_log_options,
@@ -85,7 +86,6 @@ def run(args: argparse.Namespace) -> int:
     from sklearn.base import clone
 
     from ...persistence import inspect, load, save
-    from .._tables import equation_of, predict_table, score_by_trajectory, signal_table
 
     out = checked_output(args.out, [*args.log, args.sim, args.columns])
     if args.samples < 0 or args.folds < 0 or args.folds == 1:

@@ -8,12 +8,12 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...errors import PressureReferenceError, TimeOrderError, UnitError
+from ...errors import PamidError, PressureReferenceError, TimeOrderError, UnitError
 from ...file_sets import check_folder, replacing_together
 from ...files import write_whole
 from ...json_data import json_ready
 from .._progress import progress
-from .._simulators import add_trust_option
+from .._simulators import add_trust_option, runs_code
 from .._style import marked
 from ..common import add_command, add_log_options, any_simulator_of, checked_output, note, print_json, table, wrapped
 
@@ -109,12 +109,10 @@ def _own_units(args: argparse.Namespace) -> dict[str, str]:
 
 def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
     """Return contradictions with a simulator's ports, and whether it is deterministic; without trust no code runs."""
-    from ...errors import PamidError
     from ...simulators.page import MODELS, read_outline
     from ...simulators.port_log import port_log
     from ...simulators.port_units import unit_doubts
     from ...simulators.steadiness import unsteadiness
-    from .._simulators import runs_code
 
     try:
         if runs_code(args.sim) and not args.trust:
@@ -141,8 +139,6 @@ def _leave_out_muscles(found: Survey) -> None:
 
 def _diagnose(args: argparse.Namespace) -> str:
     """Return the command that comes next."""
-    from .._simulators import runs_code
-
     options = [*(["--columns", args.columns] if args.columns else []), "--sim", args.sim]
     options += [*(["--trust"] if runs_code(args.sim) else []), "--out", "diagnosis"]
     return shlex.join(["pamid", "diagnose", *args.log, *options])

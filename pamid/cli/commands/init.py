@@ -33,7 +33,7 @@ from .._drafting import (
     trusted,
     write,
 )
-from .._simulators import add_trust_option
+from .._simulators import add_trust_option, coded, outline
 from ..common import DONE, add_command, print_json, table
 
 if TYPE_CHECKING:
@@ -149,7 +149,6 @@ def _of_model(args: argparse.Namespace) -> int:
         with_units,
         without_column,
     )
-    from .._simulators import coded, outline
 
     model, code = Path(args.sim), coded(args.sim, args.trust)
     given_page = code is None and model.suffix.lower() not in MODELS

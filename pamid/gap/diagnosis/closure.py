@@ -67,10 +67,7 @@ class Clusters:
         return len(self.H) > 2
 
     def held_out(self) -> np.ndarray:
-        """Return residuals of every run under the fit of all others, in units of the noise.
-
-        Where that moves parameters so far that it matters to the run, its residuals there are computed exactly.
-        """
+        """Return each run's residuals under the fit of all others, in units of the noise; exact where that is far."""
         n = len(self.H)
         if n < 2 or not self.A.shape[1]:
             return self.z
@@ -95,10 +92,7 @@ class Clusters:
         return bounded(H, g, np.minimum(low, 0.0), np.maximum(high, 0.0))
 
     def _exact(self, t: int, step: np.ndarray) -> np.ndarray:
-        """Return exact residuals as far along a step as it suits all runs but one; where it suits none, of the fit.
-
-        The run that is left out has no say in how far that is.
-        """
+        """Return exact residuals as far along a step as suits all runs but one; where it suits none, the fit's."""
         others, best = self.pieces != t, self.z
         whole = least = self._cost(best, others, 0.0 * step)
         for much in (1.0, 0.35, 0.1):

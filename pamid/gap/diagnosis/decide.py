@@ -125,10 +125,7 @@ def _judged(competition: Competition) -> Iterator[Template]:
 
 
 def _standing(verdict: Verdict, competition: Competition) -> list[str]:
-    """Return the causes that are trusted, also without those that are not; what is not then loses its trust.
-
-    A cause that needs another one beside it which nobody trusts has been fitted to that one's work.
-    """
+    """Return the trusted causes, also without the others; a cause that only stands beside an untrusted one is none."""
     named = [name for name in verdict.outcome.best.fit.spec if verdict.trust[name].named]
     while named and len(named) < len(verdict.outcome.best.fit.spec) and not competition.evidence.exact:
         found = trust(competition, *_only(verdict, competition, named), verdict.classes)

@@ -33,11 +33,6 @@ class Prior(NamedTuple):
     precision: np.ndarray
     """Mean, and one over the variance. Shape (n,)."""
 
-    @classmethod
-    def none(cls, n: int) -> Self:
-        """Return a flat prior."""
-        return cls(np.zeros(n), np.zeros(n))
-
     def cost(self, x: np.ndarray) -> float:
         """Return the penalty of numbers in log-likelihood."""
         return 0.5 * float(self.precision @ np.square(x - self.centre))

@@ -1,21 +1,24 @@
-"""The library linearised on one log: the gain of each effect and each set of them, before any refit."""
+"""What sets of effects are worth on one log, with inexact forms and sizes that compare, exactly and to first order."""
 
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from ..residuals.protocol import ResidualSource
-from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, GRID, KEPT, MOST_CAUSES, TOLERANCE
-from .gauss_newton import Fit, slots_of
-from .hypotheses import Hypothesis, Screen, Single, contenders
+from ...effects import Parameter
+from ..residuals.protocol import ResidualSource, Spec
+from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, GRID, KEPT, MOST_CAUSES, OF_ITS_OWN, TOLERANCE
+from .discrepancy import Discrepancy
+from .gauss_newton import Fit, Fitter, slots_of
+from .hypotheses import Hypothesis, Screen, Single, contenders, degenerate
+from .occam import occam
 from .sensitivity import Template, relinearised, templates
 from .so_far import in_words
+from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
-from .worth import Worth
 
 
-class FirstOrder(Worth):
-    """The library about hypotheses of one log."""
+class FirstOrder:
+    """The library about hypotheses of one log, and what sets of its effects are worth there."""
 
     def __init__(
         self,
@@ -24,7 +27,11 @@ class FirstOrder(Worth):
         progress: Callable[[str], None] | None = None,
         known: Mapping[str, Sequence[Template]] | None = None,
     ) -> None:
-        super().__init__(evidence)
+        self.evidence, self.fitter, self.discrepancy = evidence, Fitter(evidence), Discrepancy(evidence)
+        runs = (evidence.time[evidence.run == run] for run in np.unique(evidence.run))
+        self._longest = max((float(np.ptp(times)) for times in runs), default=0.0)
+        self._jacobians: dict[str, np.ndarray] = {}
+        self.base = self.hypothesis(self.fitter.base())
         self.library, self.say = list(library), progress or (lambda _: None)
         self.templates: list[Template] = []
         for k, name in enumerate(library):
@@ -146,6 +153,142 @@ class FirstOrder(Worth):
             weights,
             self.fitter.weights,
         )
+
+    # --- worth -------------------------------------------------------------------------------------------------
+    def hypothesis(self, fit: Fit) -> Hypothesis:
+        """Return a fit with its evidence."""
+        evidence = self.evidence
+        z, J = evidence.tangent(fit.spec, fit.x), evidence.slopes(fit.spec, fit.x)
+        spread, widening = evidence.spread(fit.spec, fit.x), evidence.widening(fit.spec)
+        plain = self.fitter.linear(z, J, start=fit.x, soft=spread, widening=widening)
+        best, width, wider = plain, None, widening
+        value = plain.loglik
+        if fit.spec:
+            columns = self.discrepancy.columns(fit)
+            k = columns.shape[1]
+            precision = np.full(k, FORM_SMOOTH**-2)
+            for times in FORM_TIMES:
+                trial = self.discrepancy.width(fit, times) if times else None
+                both = widening if trial is None else trial if widening is None else trial * widening
+                ends = np.full(k, -2.0 * FORM_SMOOTH), np.full(k, 2.0 * FORM_SMOOTH)
+                s = self.fitter.linear(z, J, columns, *ends, precision, start=fit.x, soft=spread, widening=both)
+                total = (1.0 if spread is None else spread) * (1.0 if both is None else both)
+                scaled = columns / np.broadcast_to(total, len(z))[:, None]
+                loose = s.loglik - form_cost(scaled, s, evidence.parts, precision, self.fitter.weights)
+                if loose > value:
+                    best, width, wider, value = s, trial, both, loose
+        weights = window_weights(best, evidence.parts, self.fitter.weights)
+        if width is not None:
+            weights = weights / np.square(width)
+        score = value - evidence.freedom(fit.spec) - self._unlikely(fit) - sum(self._price(fit, weights).values())
+        left = self._scales(best.z)
+        filters = any(evidence.effects[name].filters_readings() for name in fit.spec)
+        if spread is not None and not evidence.exact and filters:
+            # What widens the noise of a window has its price already: to be below that is no gain.
+            score -= self._below_noise(left if wider is None else self._scales(best.z * wider))
+        filtered = evidence.filtered(fit.spec, self.base.z) if fit.spec else None
+        if filtered is not None:
+            score -= self._by_filtering(filtered if spread is None else filtered / spread)
+        return Hypothesis(fit, score, plain.loglik, left, best.z, weights)
+
+    def _scales(self, z: np.ndarray) -> np.ndarray:
+        """Return the scale of residuals in each equation, which may be less than 1."""
+        return np.array([scale(z[part], 0.0) for part in self.evidence.parts])
+
+    def _below_noise(self, left: np.ndarray) -> float:
+        """Return the gain in nats of residuals below their noise: undoing a fault filters the noise, too."""
+        quiet = np.log(np.minimum(self.base.left, 1.0) / np.maximum(left, 1e-12))
+        return float(self._counts * self.fitter.weights @ np.maximum(quiet, 0.0))
+
+    def _by_filtering(self, filtered: np.ndarray) -> float:
+        """Return the gain in nats by filtering what is left without any effect as undoing a fault filters noise."""
+        left = np.array([scale(filtered[part]) for part in self.evidence.parts])
+        return float(self._counts * self.fitter.weights @ np.log(np.maximum(self.base.left / left, 1.0)))
+
+    @property
+    def _counts(self) -> np.ndarray:
+        """Windows of each equation."""
+        return np.array([part.stop - part.start for part in self.evidence.parts])
+
+    def _unlikely(self, fit: Fit) -> float:
+        """Return the penalty of deviations within the tolerances."""
+        x = fit.x + self.evidence.about
+        return 0.5 * TOLERANCE * float(x @ x)
+
+    def _price(self, fit: Fit, weights: np.ndarray) -> dict[str, float]:
+        """Return the penalty of each effect's parameters in a fit, less its prior."""
+        if not fit.spec:
+            return {}
+        D, slots = self.sensitivities(fit)
+        found = {}
+        for name, d in self.discrepancy.contributions(fit).items():
+            mine = [k for k, (n, _) in enumerate(slots) if n == name]
+            gain = 0.5 * float(weights @ np.square(d))
+            parameters = [slots[k][1] for k in mine]
+            values = [fit.spec[name][p.name] for p in parameters]
+            price = occam(D[:, mine], self.evidence.slopes(fit.spec, fit.x), weights, parameters, values, gain)
+            found[name] = price - self.evidence.prior(name)
+        return found
+
+    def _ranked(self, h: Hypothesis) -> tuple[bool, float]:
+        """Return the sort key of sets of different size: whether each effect is distinct, then the score."""
+        own = not any(self.degenerate(h.fit, name) for name in h.fit.spec)
+        own = own and all(share >= OF_ITS_OWN for share in self._own_shares(h))
+        return own, self.comparable(h) - self._crowded(h)
+
+    def comparable(self, h: Hypothesis) -> float:
+        """Return the score that sets of different size are compared by."""
+        return h.score - self.further * max(len(self.chosen(h.fit.spec)) - 1, 0)
+
+    def chosen(self, spec: Spec) -> list[str]:
+        """Return the effects of a set that were chosen among many: readings may show others by themselves."""
+        return [name for name in spec if self.evidence.prior(name) <= 0.0]
+
+    def _crowded(self, h: Hypothesis) -> float:
+        """Return the nats that effects beyond the first need in an equation: a share of their gain there."""
+        if len(h.fit.spec) < 2 or not self.evidence.exact:
+            return 0.0
+        count = np.bincount([self.discrepancy.main_part(h.fit, name) for name in h.fit.spec], minlength=len(h.left))
+        return OF_ITS_OWN * float(np.maximum(count - 1, 0) @ self._gained(h))
+
+    def _gained(self, h: Hypothesis) -> np.ndarray:
+        """Return the gain of a set in each equation, in nats."""
+        gain = self._counts * self.fitter.weights * np.log(np.maximum(self.base.left, 1.0) / np.maximum(h.left, 1.0))
+        return np.asarray(np.maximum(gain, 0.0))
+
+    def gain_about(self, h: Hypothesis, name: str) -> float:
+        """Return the nats that a set explains in the equations which one of its effects changes."""
+        touched = self.evidence.touched([name])
+        gained, gain = self._gained(h), max(h.score - self.base.score, 0.0)
+        mine = np.array([equation in touched for equation in self.evidence.equations])
+        return gain * float(gained[mine].sum() / gained.sum()) if gained.sum() > 0.0 else gain
+
+    def degenerate(self, fit: Fit, name: str) -> bool:
+        """Return whether an effect of a fit has turned into another one on this log."""
+        return name in fit.spec and degenerate(self.evidence.effects[name](**fit.spec[name]), self._longest)
+
+    def _own_shares(self, h: Hypothesis) -> list[float]:
+        if h.own is None:
+            h.own = self._shares(h.fit, *self.sensitivities(h.fit)) if len(h.fit.spec) > 1 else []
+        return h.own
+
+    def _shares(self, fit: Fit, D: np.ndarray, slots: list[tuple[str, Parameter]]) -> list[float]:
+        """Return the size of each effect relative to the discrepancy of the others, given their sensitivities."""
+        if len(fit.spec) < 2:
+            return []
+        others = {name: np.array([n != name for n, _ in slots]) for name in fit.spec}
+        gap = self.base.fit.z
+        return [self.discrepancy.own_share(fit, name, D[:, rest], gap) for name, rest in others.items()]
+
+    def sensitivities(self, fit: Fit) -> tuple[np.ndarray, list[tuple[str, Parameter]]]:
+        """Return the sensitivities to all parameters of a fit's effects, and whose they are."""
+        key = f"{fit.spec!r} {fit.x.tobytes()!r}"
+        if key not in self._jacobians:
+            slots = slots_of(self.evidence.effects, fit.spec)
+            phi = np.array([fit.spec[name][p.name] for name, p in slots])
+            D = self.fitter.jacobian(slots, phi, self.evidence.tangent(fit.spec, fit.x), fit.x)[0]
+            self._jacobians = {**dict(list(self._jacobians.items())[-7:]), key: D}
+        return self._jacobians[key], slots_of(self.evidence.effects, fit.spec)
 
 
 def closed_share(left: float, room: float) -> float:

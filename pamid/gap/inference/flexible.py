@@ -42,8 +42,8 @@ class Remainder:
 class Flexible:
     """Flexible functions on the windows of one log."""
 
-    def __init__(self, evidence: ResidualSource, seed: int = 0) -> None:
-        self.evidence, self.seed = evidence, seed
+    def __init__(self, evidence: ResidualSource) -> None:
+        self.evidence = evidence
         self._bases: dict[str, np.ndarray] = {}
         self._features: np.ndarray | None = None
 
@@ -55,7 +55,7 @@ class Flexible:
                 self._features = _features(self.evidence)
             s = self._features[part]
             s = s[:, np.ptp(s, axis=0) > 0.0]
-            rng = np.random.RandomState(self.seed)
+            rng = np.random.RandomState(0)
             blocks = [np.ones((len(s), 1)), s]
             if s.shape[1]:
                 for size in (0.5, 1.5):

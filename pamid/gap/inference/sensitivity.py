@@ -186,10 +186,7 @@ def _small_change(evidence: ResidualSource, name: str, p: Parameter) -> list[Tem
 
 
 def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> list[Template]:
-    """Return the likeliest template of a factor of e or more, beyond slopes, by simulation at its powers.
-
-    Where the likelihood levels off no larger factor is tried: a simulator may take as many times longer.
-    """
+    """Return the likeliest template of a factor of e or more, by simulation until the likelihood levels off."""
     none = np.zeros(len(evidence.free))
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
     own = D - Q @ (Q.T @ D)

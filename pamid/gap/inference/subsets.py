@@ -279,10 +279,7 @@ class Subsets:
         return [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
 
     def _elsewhere(self, beam: Sequence[Subset]) -> list[Subset]:
-        """Return single effects at the other points of their grids, where these alone say how large an effect is.
-
-        Beside others it may be larger than by itself: of two alike rotors one that lags alone would turn the body.
-        """
+        """Return single effects at other points of their grids: beside others, one may be larger than by itself."""
         singles = {s.templates[0]: s for s in beam if len(s.templates) == 1}
         effects = {self.library[t].effect for t in singles}
         return [

@@ -6,10 +6,11 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 
+from ...bench.parameters import BenchParameters
 from ...effects import Effect, Parameter, Plant, all_effects
 from ...equations.allowed import CHANNELS, allowed_equations, window_residual, without_windows
 from ...equations.base import Equation, Residual
@@ -23,11 +24,6 @@ from .beginnings import without_beginnings
 from .protocol import STATE, Spec, lanes
 from .settled import Settled
 from .whitening import Whitening
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from ...bench.parameters import BenchParameters
 
 RECENT = 24
 """Residuals under effects that are kept, the last ones asked for."""

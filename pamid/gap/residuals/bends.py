@@ -60,10 +60,7 @@ def means(
     simulator: Simulator, log: PortLog, step: float, x: np.ndarray, starts: np.ndarray, ends: np.ndarray, p: np.ndarray,
     exact: int = STEPS,
 ) -> np.ndarray:  # fmt: skip
-    """Return the means of the rates of states over each step, from inputs at its start to those at its end.
-
-    A step of 0 is as good as none, in so many steps of the Runge-Kutta method that the answer is `exact`.
-    """
+    """Return the means of rates over each step, from inputs at its start to its end; a step of 0 takes `exact` ones."""
     later = simulator.own_steps(x, starts, ends, p, log.dt, step, exact)
     if later is None:
         t = np.stack([log.t, log.t + log.dt])

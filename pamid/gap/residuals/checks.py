@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from ...bench.parameters import BenchParameters
+from ...equations.allowed import allowed_equations
 from ...equations.log import BenchLog, columns_of
 from ...equations.unit_doubts import unit_doubts
-from ...errors import ExcitationError
+from ...errors import ExcitationError, MissingColumnError
 from ...signals.stretches import stuck_rows
 from .bench import Evidence
-
-if TYPE_CHECKING:
-    from ...bench.parameters import BenchParameters
 
 _STUCK_SECONDS = 0.2  # s: a channel that repeats one reading for longer while the joint moves is stuck or clipped
 _MOVED = 0.02  # rad
@@ -22,9 +19,6 @@ _RESTING = 0.2  # share of a run's largest speed below which it begins at rest
 
 def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> list[str]:
     """Return notes on a log; raise where no effect could be ranked."""
-    from ...equations.allowed import allowed_equations
-    from ...errors import MissingColumnError
-
     allowed, skipped = allowed_equations(log)
     if not allowed:
         raise MissingColumnError(

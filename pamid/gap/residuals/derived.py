@@ -23,10 +23,7 @@ from .between_rows import after, before
 def speed_slopes(
     simulator: Simulator, derived: Mapping[str, str], t: np.ndarray, x: np.ndarray, u: np.ndarray
 ) -> np.ndarray:
-    """Return the typical slopes of all rates in derived speeds, shape (n_states, n_derived).
-
-    Those of the positions are zero: their rates are compared with speeds as read.
-    """
+    """Return the typical slopes of all rates in derived speeds, (n_states, n_derived); those of positions are zero."""
     slopes = typical_slopes(simulator, list(derived.values()), t, x, u)
     slopes[[simulator.states.index(position) for position in derived]] = 0.0
     return slopes

@@ -33,27 +33,24 @@ from ...simulators.structure import (
     joints_of,
     pushes_of,
     rate_unit,
-    some_instants,
 )
 from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
-from .bends import carried, matters, means, simpson, steps_of
+from .bends import carried, matters, simpson, steps_of
 from .between_rows import after, needed, passed_on, timings
 from .derived import speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .kinks import at_unknown_instants, root_mean_square
 from .motion_rates import MotionRates
-from .port_windows import PortWindows
+from .port_signals import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints
 from .steps import earlier, within_steps
 from .tolerances import rms
-from .turned import Instants, Turned, turned
+from .turned import Turned, turned
 from .turning import force_at_both_ends
 from .window_length import Rate, no_windows, samples
-
-Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 class DirectEvidence(MotionRates):
@@ -114,25 +111,10 @@ class DirectEvidence(MotionRates):
             self._bend = self._bent(self._base_rates, self._ends(self._u))
             self.pushes = pushes_of(self.simulator, *self._some(), self._steps)
 
-    def _some(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return some instants with the states and inputs there."""
-        some = some_instants(self.log.n)
-        return self.log.t[some], self._x[:, some], self._u[:, some]
-
-    @property
-    def _steps(self) -> np.ndarray:
-        """Changes of inputs that count as small."""
-        return 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
-
     @property
     def modelled(self) -> np.ndarray:
         """Modelled rates at both ends of each step, inputs held, shape (n_states, 2 n_rows)."""
         return self._rates(self._x, self._u, self._u, self.simulator.numbers) if self.lines else self._base_rates
-
-    @property
-    def says_forces(self) -> bool:
-        """Whether residuals are converted to forces."""
-        return self._turned is not None and self._turned.forces
 
     # --- the equations --------------------------------------------------------------------------------------
     def _balances(self) -> list[Balance]:
@@ -185,9 +167,6 @@ class DirectEvidence(MotionRates):
             )
         if not any(len(w.first) for w in self.windows):
             raise no_windows(log, self.n)
-
-    def _ends(self, u: np.ndarray) -> np.ndarray:
-        return after(u, self.log) if self.lines else u
 
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row."""
@@ -289,10 +268,7 @@ class DirectEvidence(MotionRates):
         return out
 
     def _path(self, name: str, table: dict[str, np.ndarray], link: Link | None) -> np.ndarray:
-        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral.
-
-        The table keeps it.
-        """
+        """Return the path of a joint, or across two, without reversals by noise; for speeds alone their integral."""
         key, sources = f"{name}.steady", (name,) if link is None else link.sources[name]
         if key in table:
             return table[key]
@@ -338,12 +314,6 @@ class DirectEvidence(MotionRates):
         rates = rates + as_read(self.derived, readings, simulator.states, x, log)
         return self._windowed(active, readings, rates, self._outputs(x, shown, p))
 
-    def _both(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> Instant:
-        """Return times, states, inputs and parameters at both ends of each step."""
-        log, each = self.log, wide(p, self.log.n)
-        t = np.concatenate([log.t, log.t + log.dt])
-        return t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
-
     def _force(self, place: Placement, made: Any, table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the force of an effect at the rows, and at both ends of each step."""
         log, found = self.log, dict(table)
@@ -361,18 +331,8 @@ class DirectEvidence(MotionRates):
             return place.link.follows.get("velocity", "")
         return next((j.velocity for j in self.joints if path in (j.position, f"{j.name}.path")), "")
 
-    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
-        if self._step is None:
-            return self.simulator.rate(*self._both(x, u0, u1, p))
-        each = wide(p, self.log.n)
-        return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, each, self._exact), 2)
-
     def _bent(self, rates: np.ndarray, ends: np.ndarray) -> np.ndarray:
-        """Return what curves within each step add to the means of rates that do not contain it.
-
-        Where an exponential bends by half of its change, Simpson's rule no longer halves the error.
-        """
+        """Return what bends within a step adds to mean rates without it, where Simpson's rule halves the error."""
         if self._step is not None:
             self._curve = np.zeros_like(self._curve)
             return np.zeros_like(rates)
@@ -434,15 +394,13 @@ class DirectEvidence(MotionRates):
         return self._as_tested(parts)
 
     def _turn(self) -> Turned | None:
-        """Return the map from residuals of rates to those of forces, or one that decouples the joints' drives.
-
-        It takes equations of the same order, so that their windows are the same.
-        """
+        """Return the map from residuals of rates of one order to forces, or one that decouples the joints' drives."""
         moving = [(k, b) for k, b in enumerate(self.balances) if b.order and not b.velocity]
         if not moving or len({b.order for _, b in moving}) > 1:
             return None
         order, firsts = moving[0][1].order, self._first[moving[0][0]]
         reach = span(self.n, order + 1) + order
         at = np.concatenate([a + f for (a, _), f in zip(self.log.spans, firsts, strict=True)]) + (reach - 1) // 2
-        instants = Instants(self.log.t[at], self._x[:, at], self._u[:, at], self._steps)
-        return turned(self.simulator, [(k, b.row, b.name) for k, b in moving], self.joints, instants)
+        equations = [(k, b.row, b.name) for k, b in moving]
+        t, x, u = self.log.t[at], self._x[:, at], self._u[:, at]
+        return turned(self.simulator, equations, self.joints, t, x, u, self._steps)

@@ -32,10 +32,7 @@ def standing_out(x: np.ndarray, log: PortLog) -> np.ndarray:
 def at_unknown_instants(
     curve: np.ndarray, rates: np.ndarray, states: Sequence[str], pairs: Mapping[str, str], log: PortLog
 ) -> np.ndarray:
-    """Return by how much the mean rates of the states are unknown in each step, shape (n_states, n_rows).
-
-    `curve` is the contribution of curvature by Simpson's rule, `rates` are those at both ends of each step.
-    """
+    """Return how unsure the states' mean rates are in each step, by Simpson's `curve` and the `rates` at both ends."""
     start, end = np.hsplit(rates, 2)
     out, kinks = 0.5 * standing_out(curve, log), log.dt / (12.0 * np.sqrt(5.0)) * standing_out(end - start, log)
     for position, velocity in pairs.items():

@@ -1,25 +1,33 @@
-"""Rates of a logged motion under other inputs, readings and numbers, by as few answers of the simulator as will do."""
+"""A logged motion: its signals, and rates under other inputs, readings and numbers, by few answers of the simulator."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import ABC
+from collections.abc import Mapping
 
 import numpy as np
 
 from ...remembered import Remembered
+from ...simulators.sizes import SignalSizes
 from ...simulators.structure import some_instants, straight
 from ..settings import EXCESS
 from .along import wide
-from .bends import fewest
+from .bends import fewest, means
+from .between_rows import after
 from .derived import rounded_off
-from .motion_signals import MotionSignals
+from .states import integral, roles_of
 from .tolerances import rms
+from .undone import UndoneEvidence
 from .window_length import window_noise
 
+Instant = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
-class MotionRates(MotionSignals, ABC):
+
+class MotionRates(UndoneEvidence, ABC):
     """Residuals of a log that holds the motion, with the rates that the simulator has along it."""
 
+    _table: dict[str, np.ndarray]
+    pushes: dict[tuple[str, str], float]
     derived: dict[str, str]
     _asked: Remembered[np.ndarray]
     _straight: dict[tuple[int, float], bool]
@@ -30,22 +38,62 @@ class MotionRates(MotionSignals, ABC):
     _exact: int
     """Steps in which a sample is run over where it is run as good as exactly."""
 
-    @abstractmethod
-    def _ends(self, u: np.ndarray) -> np.ndarray:
-        """Return the inputs at the end of each step."""
+    @property
+    def says_forces(self) -> bool:
+        """Whether residuals are converted to forces."""
+        return self._turned is not None and self._turned.forces
 
-    @abstractmethod
-    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
-
-    @abstractmethod
     def _some(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return some instants with the states and inputs there."""
+        some = some_instants(self.log.n)
+        return self.log.t[some], self._x[:, some], self._u[:, some]
 
     @property
-    @abstractmethod
     def _steps(self) -> np.ndarray:
         """Changes of inputs that count as small."""
+        return 1e-3 * np.array([np.ptp(u) or 1.0 for u in self._u])
+
+    def _survey(self, gaps: Mapping[str, float]) -> SignalSizes:
+        log, spans = self.log, {name: float(np.ptp(x)) for name, x in self._table.items()}
+        for j in self.joints:
+            if not j.position:
+                spans[f"{j.name}.path"] = float(np.ptp(integral(self._table[j.velocity], log)))
+        readings = list(dict.fromkeys(n for b in self.balances for n in (b.channel, b.velocity) if n))
+        tops, lows = ({k: float(of(x)) for k, x in self._table.items()} for of in (lambda x: np.max(np.abs(x)), np.min))
+        if self.says_forces:  # as the rates that they cause
+            push = {j.name: abs(self.pushes.get((j.through, j.velocity), 1.0)) for j in self.joints}
+            gaps = {name: gap * push.get(name, 1.0) for name, gap in gaps.items()}
+        return SignalSizes(
+            spans, tops, lows, gaps, readings, self.pushes, self.joints, log.usual_seconds, log.dt, self.feeds,
+            again=log.again,
+        )  # fmt: skip
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Return all signals at each row of the log, by name."""
+        inputs = dict(zip(self.simulator.inputs, self._u, strict=True))
+        return {**{k: v for k, v in self._table.items() if "." not in k}, **inputs}
+
+    def roles(self, equation: str) -> dict[str, str]:
+        """Return for an equation the signal of each name of the state, where there is one."""
+        return roles_of(self.simulator, self.joints, equation)
+
+    # --- rates -------------------------------------------------------------------------------------------------
+    def _ends(self, u: np.ndarray) -> np.ndarray:
+        """Return the inputs at the end of each step."""
+        return after(u, self.log) if self.lines else u
+
+    def _both(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> Instant:
+        """Return times, states, inputs and parameters at both ends of each step."""
+        log, each = self.log, wide(p, self.log.n)
+        t = np.concatenate([log.t, log.t + log.dt])
+        return t, np.hstack([x, after(x, log)]), np.hstack([u0, u1]), np.hstack([each, after(each, log)])
+
+    def _rates(self, x: np.ndarray, u0: np.ndarray, u1: np.ndarray, p: np.ndarray) -> np.ndarray:
+        """Return the rates at both ends of each step, under the inputs there, or their means, (n_states, 2 n_rows)."""
+        if self._step is None:
+            return self.simulator.rate(*self._both(x, u0, u1, p))
+        each = wide(p, self.log.n)
+        return np.tile(means(self.simulator, self.log, self._step, x, u0, u1, each, self._exact), 2)
 
     def _take_fewer_steps(self) -> None:
         """Run over each sample in as few steps as readings can tell from exact ones: each costs four rates a row."""
@@ -88,10 +136,7 @@ class MotionRates(MotionSignals, ABC):
         return out + self._by_states(x - self._x) if restored else out
 
     def _turns_little(self, x: np.ndarray, p: np.ndarray) -> bool:
-        """Return whether other readings change the rates as slopes say, but for less than readings can tell.
-
-        Of runs over each sample, which are dear, for the given parameters; it is looked at in some instants.
-        """
+        """Return whether other readings change the rates as slopes say, or by too little to tell, at some instants."""
         nominal = np.array_equal(p, self.simulator.numbers)
         if self._step is None or not (nominal and self.simulator.one_by_one and np.all(np.isfinite(x))):
             return False

@@ -49,12 +49,12 @@ class OnEquation:
     def __init__(
         self, table: Table, nominal: Callable[[Table], np.ndarray], dt: float, starts: np.ndarray, equation: str,
         plant: Plant | None = None, units: Units | None = None, sense: int = 1,
-        usual: Callable[[int], Callable[[Table], np.ndarray]] | None = None, predicted: np.ndarray | None = None,
+        usual: Callable[[int], Callable[[Table], np.ndarray]] | None = None,
     ) -> None:  # fmt: skip
         self.table, self.nominal, self.dt, self.starts, self.kind = dict(table), nominal, dt, starts, equation
         self.plant, self.units, self.sense = plant, units or Units(), sense
         self.usual = usual
-        self.predicted = np.asarray(nominal(self.table) if predicted is None else predicted, dtype=float)
+        self.predicted = np.asarray(nominal(self.table), dtype=float)
         self._remembered: Remembered[np.ndarray] = Remembered(_MOST_BYTES, attrgetter("nbytes"))
         self._path: np.ndarray | None = None
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 import warnings
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
 from itertools import pairwise
 from operator import attrgetter
 from types import MappingProxyType
+from typing import Self
 
 import numpy as np
 
@@ -16,20 +19,20 @@ from ...errors import SimulatorRunError, UnitWarning, UnknownOptionError
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.between import ends_of
-from ...simulators.catalogue import chosen, port_effects
+from ...simulators.catalogue import chosen, placements, port_effects
 from ...simulators.commuting import twins_of
 from ...simulators.of_parameters import FIXED
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
+from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN
-from .beside import Beside
 from .between_rows import NOTE, STEPS
-from .linked import UNTURNED, Paths
-from .port_windows import PortWindows
+from .port_signals import UNTURNED, PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
+from .settled import Settled
 from .tolerances import MOST_LAID, SMALL, differ, rms
 from .window_noise import WindowNoise
 
@@ -42,7 +45,7 @@ def idle(name: str, where: str) -> str:
     return f"The simulator's own effect {name} at {where} cannot act on this log, since nothing moves there."
 
 
-class PortEvidence(WindowNoise, Beside, Paths, ABC):
+class PortEvidence(WindowNoise, Settled, ABC):
     """Residuals at the ports of a simulator, under effects at any of them.
 
     A `pamid.gap.residuals.protocol.ResidualSource`. A subclass says how residuals are computed. With ``refit`` they
@@ -67,14 +70,11 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
     folds: Mapping[str, float] = MappingProxyType({})
     """Readings whose sign is lost, see `StretchEvidence`."""
     one_sided = True
-    simulates = False
-    """Whether residuals are those of simulated stretches, not of the equations at the logged states."""
     runs_within_steps = False
     """Whether the simulator is run over each sample, since its motion within one matters."""
-    _u: np.ndarray
-    """Inputs at each row."""
-    n: int
-    """Samples per window."""
+    _nuisances: np.ndarray | None = None
+    _aside: tuple[str, np.ndarray] | None = None
+    """A nuisance parameter that is fixed, and what one tolerance of it adds to the residuals."""
 
     def __init__(self, log: PortLog, simulator: Simulator, refit: bool = False, lines: bool = False) -> None:
         self.log, self.simulator, self.refit = log, simulator, refit
@@ -84,7 +84,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         self._kept: Remembered[np.ndarray] = Remembered(MOST_KEPT, attrgetter("nbytes"))
         self._touches: dict[str, list[str]] = {}
         self.notes: list[str] = list(log.notes)
-        self.placements = {}
+        self.placements: Mapping[str, Placement] = {}
         self.joints: list[JointPort] = []
         self.feeds: dict[str, str] = {}
         self.given = simulator
@@ -141,10 +141,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
             self.notes.append(NOTE)
 
     def lines_explain_more(self) -> bool:
-        """Return whether inputs that go straight from row to row explain the log better than held ones.
-
-        Parameters and clocks are fitted to both: some of them shift what a reading shows by nearly as much.
-        """
+        """Return whether inputs in lines from row to row explain more than held ones, tolerances and clocks fitted."""
         if self.lines or self.simulator.form == "algebraic" or not any(np.ptp(u) > 0.0 for u in self._u):
             return False
         if self.simulator.form == "run" and not (
@@ -220,10 +217,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
             )
 
     def _twins(self) -> dict[str, str]:
-        """Return the faults of commands and readings that commute with the simulator between them, and steady forces.
-
-        Dry friction of a motion that never reverses is one.
-        """
+        """Return the faults that commute with the simulator between them, and forces that are steady in this log."""
         joints = [name.removeprefix("steady_force@") for name in self.placements if name.startswith("steady_force@")]
         rubbing = {f"steady_force@{joint}": f"coulomb_friction@{joint}" for joint in joints}
         there = {steady: dry for steady, dry in rubbing.items() if dry in self.placements}
@@ -273,49 +267,10 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         """
         return pieces(self.log.spans, self.block, self.time, self.log.dt, self.stretch)
 
-    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
-        """Return the parameters changed by multiples of their tolerances."""
-        out = self.simulator.numbers
-        for k, (name, p) in enumerate(self.given.parameters.items()):
-            out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
-        return out
-
     def _allow(self) -> None:
         """Make what is not known within a sample free parameters."""
         self.free = [*self.free, *self.skews]
         self.about = np.concatenate([self.about, np.zeros(len(self.skews))])
-
-    def active(self, spec: Spec) -> Active:
-        """Return the simulator's own effects and those of a spec, made."""
-        return [*self._own, *((self.placements[k], self.placements[k].effect(**v)) for k, v in spec.items())]
-
-    def z(
-        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
-    ) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in units of the noise and white."""
-        if not spec and not any((deviations or {}).values()):
-            return self.z0.copy()
-        known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
-        active = self.active(spec)
-        found = self._kept.get(repr(known), lambda: self._bare(active, deviations or {}))
-        return self._whitening.white(self._finite(found + self._skewed(deviations or {}, active)) / self.noise)
-
-    def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
-        """Return the deviations that need new residuals: clocks act linearly."""
-        return {k: v for k, v in deviations.items() if v and k not in self.skews}
-
-    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances from deviations x change, in the units of the equations."""
-        here, *there = (self._finite(self._bare(active, self._named(v))) for v in (x, *(x + step for step in steps)))
-        return [one - here for one in there]
-
-    def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
-        """Return the same without clock offsets; not finite where the simulator is not."""
-        with np.errstate(all="ignore"):
-            return self._residual(active, self.numbers(deviations))
-
-    def _finite(self, found: np.ndarray) -> np.ndarray:
-        return np.where(np.isfinite(found), found, 1e3 * self.noise)
 
     def change(self, spec: Spec, about: Spec, x: np.ndarray) -> np.ndarray:
         """Return by how much the residuals change from effects to others, at deviations x."""
@@ -350,10 +305,7 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         return [e for e, part in zip(self.equations, self.parts, strict=True) if np.any(change[part] > 1e-9)]
 
     def prior(self, name: str) -> float:
-        """Return the logarithm of the odds with which an effect is expected.
-
-        An effect of a path that never reverses could be any function of time.
-        """
+        """Return the log odds of an effect; one of a path that never reverses could be any function of time."""
         place = self.placements[name]
         prior = float(place.effect.prior)
         return min(prior, UNTURNED) if self._goes_one_way(place) else prior
@@ -363,3 +315,83 @@ class PortEvidence(WindowNoise, Beside, Paths, ABC):
         repeats = any(p.periods for p in place.effect.parameters)
         path = place.follows.get("position", "") if place.acts else place.at if repeats else ""
         return bool(path) and place.effect.follows_path() and not self._turns(path)
+
+    # --- beside other logs -------------------------------------------------------------------------------------
+    @property
+    def lasting(self) -> Collection[str]:
+        """The simulator's own parameters: a change of one between days is a cause."""
+        return self.given.parameters.keys()
+
+    def _placed(self) -> Mapping[str, Placement]:
+        """Return every effect where it can act on the log."""
+        return placements(self.simulator, self.sizes)
+
+    def has(self, name: str) -> bool:
+        """Return whether the log has the signals that an effect acts on."""
+        return name in self._there
+
+    def begin_as(self, other: PortEvidence) -> None:
+        """Begin from the parameters at which another log of the same simulator begins."""
+        x = np.zeros(len(self.free))
+        for k, name in enumerate(self.free):
+            if name in self.lasting and name in other.free:
+                x[k] = other.about[other.free.index(name)] - self.about[k]
+        if np.any(x):
+            straight = self.J
+            self._begin_from(x)
+            self._begun(straight)
+
+    def measure_as(self, sizes: SignalSizes) -> None:
+        """Scale each effect by the signals of several logs."""
+        self.sizes = sizes
+        self.placements = self._placed()
+        self._there &= self.placements.keys()
+        self.twins = self._twins()
+        self._kept.clear()
+        self._laid.clear()
+        self._touches.clear()
+        if self._own:
+            notes, self._own = list(self.notes), self._made_own()
+            self.notes = notes
+            self._begun(self.J)
+
+    @property
+    def nuisances(self) -> np.ndarray:
+        """Change of the residuals by one tolerance of this log's clocks and offsets, where they are not free."""
+        return np.zeros((len(self.z0), 0)) if self._nuisances is None else self._nuisances
+
+    def without_nuisances(self) -> None:
+        """Fix clocks and offsets: two logs then have the same free parameters."""
+        self._nuisances = self.J[:, [name not in self.lasting for name in self.free]]
+        self._keep_free(self.lasting)
+
+    def _keep_free(self, names: Collection[str]) -> None:
+        """Fix all free parameters but some, where they are."""
+        kept = np.array([name in names for name in self.free], dtype=bool)
+        self.free = [name for name in self.free if name in names]
+        self.about, self.J = self.about[kept], self.J[:, kept]
+        self.skews = {name: column for name, column in self.skews.items() if name in names}
+        self._laid.clear()
+
+    def _set_aside(self, name: str) -> None:
+        """Fix a nuisance parameter at zero; `stepped` frees it again."""
+        self._aside = name, self.skews[name]
+        self.value = self.value - self.about[self.free.index(name)] * self.skews[name]
+        self.z0 = self.white(self.value / self.noise)
+        self._keep_free([other for other in self.free if other != name])
+
+    def stepped(self) -> Self | None:
+        """Return this evidence with steps of an integrator free; None where they are, or where there are none."""
+        if self._aside is None:
+            return None
+        name, skew = self._aside
+        other = copy(self)
+        other._aside, other._laid = None, Remembered(self._laid.most)  # slopes about effects have a column more
+        other.free, other.about = [*self.free, name], np.append(self.about, 0.0)
+        other.J, other.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
+        return other
+
+    def also_under(self, names: Mapping[str, str]) -> None:
+        """Add other names of effects, each with its own."""
+        more = {other: replace(self.placements[k], key=other) for other, k in names.items() if k in self.placements}
+        self.placements = {**self.placements, **more}

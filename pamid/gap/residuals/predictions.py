@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -16,10 +17,13 @@ from ...simulators.integrate import MOST, Runner, side_by_side
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from .between_rows import drawn, passed_on, read_between
-from .protocol import Active
+from .influence import Influence
+from .jumps import unknown_instants
+from .protocol import Active, Spec
 from .response import Drive, Response
 from .states import integral
 from .stretches import FOLLOWS, Segment, StretchEvidence
+from .window_noise import REPLICATES
 
 _PARTS = 10  # of a step, where a run goes with inputs in lines: the fastest states miss a twentieth of a step
 MOST_RUNS = 200
@@ -55,6 +59,8 @@ class PredictedEvidence(StretchEvidence):
         """The latest states along the log, by the kind of change."""
         self._begins = np.zeros((0, 0, 0))
         """Sensitivities of predictions to initial states, shape (n_states, n_shown, n)."""
+        self._growths: Remembered[np.ndarray] = Remembered(MOST_RUNS)
+        self._jumped: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(REPLICATES)
         self._done: dict[bytes, list[tuple[list[np.ndarray], np.ndarray]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
@@ -133,11 +139,7 @@ class PredictedEvidence(StretchEvidence):
         return np.broadcast_to(place.force(made, s, memory), (log.n,)).astype(float)
 
     def _ran(self, x0: np.ndarray, u: np.ndarray, p: np.ndarray, lines: bool | None = None) -> np.ndarray:
-        """Return the outputs of the simulator over all stretches; earlier runs are cached.
-
-        What inputs in lines change is that of the first such runs, whatever an effect adds: a run of many parts of each
-        step takes as many times longer.
-        """
+        """Return the outputs over all stretches, cached; what inputs in lines change is that of the first such runs."""
         key = hash((x0.tobytes(), u.tobytes(), p.tobytes()))
         if key not in self._kept_runs:
             if len(self._kept_runs) >= MOST_RUNS:
@@ -296,10 +298,7 @@ class PredictedEvidence(StretchEvidence):
         return self._responded(x0, base, drive, lambda response: response.to(drive))
 
     def _held_and_in_lines(self, x0: np.ndarray, base: Drive) -> tuple[np.ndarray, np.ndarray]:
-        """Return the channels under held inputs, and under the same in lines: a run each, since they may be far apart.
-
-        Over a run a simulator that integrates its inputs adds up the difference.
-        """
+        """Return the channels under held inputs, and under the same in lines: a run each, since they drift apart."""
         if self.simulator.form != "ode":
             return self._near(x0, base, Drive(base.u, base.p, base.acting, True))
         held, lines, along = self._simulate(x0, base.u, base.p, base.acting), self.lines, dict(self._along)
@@ -311,10 +310,6 @@ class PredictedEvidence(StretchEvidence):
             self._along.clear()
             self._along.update(along)
         return self._shown(*held, self.shown), self._shown(*straight, self.shown)
-
-    def _stepped(self, x0: np.ndarray, base: Drive) -> tuple[np.ndarray, np.ndarray]:
-        """Return the channels under a drive, exactly and with steps of Euler's method."""
-        return self._responded(x0, base, base, lambda response: response.of_steps())
 
     def _responded(
         self, x0: np.ndarray, base: Drive, drive: Drive, change_of: Callable[[Response], np.ndarray]
@@ -331,11 +326,7 @@ class PredictedEvidence(StretchEvidence):
         return self._shown(states, self._outputs_along(states, drive.u, drive.p), self.shown)
 
     def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> np.ndarray:
-        """Return the outputs under a drive near another: responses are superposed, only new ones simulated.
-
-        Responses are linear to first order, so that a change that is a sum of others, such as a lag between two whose
-        responses are known, needs no run.
-        """
+        """Return the outputs under a drive near another: known responses superposed, only new ones simulated."""
         known = self._ran(x0, base.u, base.p)
         # Where tolerances are wide or numbers far off, responses at other values do not hold at these.
         elsewhere = self.curved or _far(base.p[:, 0], self.simulator.numbers)
@@ -392,10 +383,7 @@ class PredictedEvidence(StretchEvidence):
         return np.stack(found) / self._scale
 
     def _as_read(self, x0: np.ndarray, active: Active, numbers: np.ndarray) -> np.ndarray | None:
-        """Return the sensitivities to initial states as sensors with memory read them; None without such sensors.
-
-        A lag holds what an initial state does for longer than the motion.
-        """
+        """Return the sensitivities to initial states as sensors with memory read them; None without such sensors."""
         if self.simulator.form != "ode" or not len(x0) or not self._late(active):
             return None
         rows, found = self._unread(x0, active, numbers), []
@@ -429,6 +417,50 @@ class PredictedEvidence(StretchEvidence):
             return found
 
         return self._responses.get(key, made)
+
+    # --- jumps at unknown instants: a sensor with memory holds their noise for longer, and smaller -------------
+    @abstractmethod
+    def _compared(
+        self, about: Active, active: Active, predictions: Iterable[np.ndarray], influence: Influence | None = None
+    ) -> np.ndarray:
+        """Return the change of the residuals from predictions to others, less what initial states explain."""
+
+    @abstractmethod
+    def _influence(self, slopes: np.ndarray) -> Influence:
+        """Return how initial states act on the windows."""
+
+    def _under_inputs(self, u: np.ndarray, active: Active | None = None) -> np.ndarray:
+        """Return the change of the residuals under other inputs, to first order, as faulty sensors read it."""
+        active, numbers = self._own if active is None else active, self.simulator.numbers
+        base = self._drive(self._own, numbers)
+
+        def made() -> tuple[np.ndarray, np.ndarray]:
+            return self._near(self._x0, base, Drive(base.u + u - self._u, base.p, self._own, self.lines))
+
+        near = [self._fold(rows).copy() for rows in self._jumped.get(hash(u.tobytes()), made)]
+        slopes = self._as_read(self._x0, active, numbers)
+        return self._compared(active, active, near, None if slopes is None else self._influence(slopes))
+
+    def widening(self, spec: Spec) -> np.ndarray | None:
+        """Return the growth of each window's noise where sensors read late what jumps; None without such sensors."""
+        late = self._late(self.active(spec))
+        if not late or not self._opened:
+            return None
+
+        def made() -> np.ndarray:
+            more = [
+                unknown_instants(jump, off, lambda change: self._under_inputs(self._u + change, late), REPLICATES)
+                for jump, off, _ in self._opened
+            ]
+            shares = [(np.square(m) - np.square(known)) / np.square(self.noise)
+                      for m, (*_, known) in zip(more, self._opened, strict=True)]  # fmt: skip
+            return np.sqrt(np.maximum(1.0 + np.sum(shares, axis=0), np.finfo(float).eps))
+
+        return self._growths.get(repr([(place.key, made.values) for place, made in late]), made)
+
+    def _lay_again(self) -> None:
+        self._growths.clear()
+        super()._lay_again()
 
 
 def _far(p: np.ndarray, q: np.ndarray) -> bool:

@@ -16,14 +16,9 @@ def with_rates(signals: dict[str, np.ndarray], codes: np.ndarray, dt: float) -> 
     out = dict(signals)
     for rate, of in (("velocity", "position"), ("pressure_rate", "pressure")):
         if rate not in out and of in out:
-            out[rate] = rate_along(out[of], codes, dt)
-    return out
-
-
-def rate_along(x: np.ndarray, codes: np.ndarray, dt: float) -> np.ndarray:
-    """Return the rate of a signal within each run, over `RATE_WINDOW`."""
-    out = np.zeros(len(x))
-    for a, b in equal_stretches(codes):
-        # Never so long that it would blur a short run.
-        out[a:b] = rate_over(x[a:b], dt, max(2, min(round(0.5 * RATE_WINDOW / dt), (b - a) // 200)))
+            out[rate] = np.zeros(len(out[of]))
+            for a, b in equal_stretches(codes):
+                # Never over so long that it would blur a short run.
+                half = max(2, min(round(0.5 * RATE_WINDOW / dt), (b - a) // 200))
+                out[rate][a:b] = rate_over(out[of][a:b], dt, half)
     return out

@@ -23,7 +23,6 @@ import numpy as np
 
 from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
-from ...remembered import Remembered
 from ...signals.ends import end_of
 from ...simulators.base import Simulator
 from ...simulators.integrate import side_by_side, substeps_for
@@ -33,16 +32,14 @@ from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pair
 from ..settings import DECIDED, EXCESS
 from .between_rows import STEPS, needed, timings
 from .influence import Influence
-from .late_jumps import LateJumps
-from .port_windows import PortWindows
-from .predictions import MOST_RUNS, named
+from .port_signals import PortWindows
+from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, StretchEvidence
 from .tolerances import SMALL, rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
-from .window_noise import REPLICATES
 
 UNSURE = 4.0
 """Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
@@ -56,7 +53,7 @@ class Begun(NamedTuple):
     """How they act on the windows there."""
 
 
-class ShootingEvidence(LateJumps):
+class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
     simulates = True
@@ -75,7 +72,6 @@ class ShootingEvidence(LateJumps):
         found = {n: end_of(log.channels[n], log.spans) for n in self.shown}
         self.saturated = {n: end for n, end in found.items() if end is not None}
         self._from: dict[int, Begun] = {}
-        self._growths, self._jumped = Remembered(MOST_RUNS), Remembered(REPLICATES)
         self._last: dict[tuple[str, ...], tuple[Active, np.ndarray]] = {}
         self._slow_down()
         self._lay()
@@ -187,7 +183,8 @@ class ShootingEvidence(LateJumps):
         base = self._drive([], self.simulator.numbers)
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
-            column = self._compared([], [], map(self._fold, self._stepped(self._x0, base))) / SMALL
+            by_euler = self._responded(self._x0, base, base, lambda response: response.of_steps())
+            column = self._compared([], [], map(self._fold, by_euler)) / SMALL
             if np.any(column):
                 self.skews[STEPS] = column
         self._allow()
@@ -287,10 +284,7 @@ class ShootingEvidence(LateJumps):
         return self._whitening.white(found / self.noise)
 
     def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances from deviations x change, to first order.
-
-        Effects with a memory are left out: a response does not move what they remember.
-        """
+        """Return what steps of the tolerances change, to first order and without effects that have a memory."""
         at = [(place, made) for place, made in active if not (place.acts and made.n_states)]
         return [self._changed(at, self._numbers_at(x + s), at, self._numbers_at(x)) for s in steps]
 
@@ -333,11 +327,7 @@ class ShootingEvidence(LateJumps):
         return (influence or self._O).explained(left / self._scale)
 
     def _differences(self, a: int, b: int) -> list[np.ndarray]:
-        """Return the difference of two runs beyond what their different initial states explain.
-
-        Projections over stretches of other lengths differ by themselves: initial states are projected out of the
-        difference, not of each run.
-        """
+        """Return the difference of two runs; what initial states explain is taken out of it, not of each run."""
         if not len(self._x0):
             return super()._differences(a, b)
         whole = self._left(self.log.channels, self._plain).ravel()
@@ -359,11 +349,7 @@ class ShootingEvidence(LateJumps):
 
     # --- for the diagnosis ----------------------------------------------------------------------------------
     def prior(self, name: str) -> float:
-        """Return the logarithm of the odds with which an effect is expected.
-
-        Readings that stay exactly at their largest while the simulator moves on show by themselves that a sensor's
-        range ends there.
-        """
+        """Return the log odds of an effect; a reading that stands while the simulator moves on shows its end itself."""
         place, odds = self.placements.get(name), super().prior(name)
         if place is None or place.name != "sensor_saturation" or place.at not in self.saturated:
             return odds

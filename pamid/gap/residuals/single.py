@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,13 +20,10 @@ from ...simulators.port_log import PortLog
 from ...simulators.ports import Port
 from ...simulators.sizes import SignalSizes
 from .on_equation import OUTPUT, OnEquation, scales_of, strain_scale
-from .port_windows import PortWindows
+from .port_signals import PortWindows
 from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import rms
-
-if TYPE_CHECKING:
-    from .beside import Beside
 
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 _NOISE = (
@@ -176,7 +173,7 @@ class SignalEvidence(PortEvidence):
         table = self.equation.table
         return {self.spoken(role): table[role] for role in may_move if role in self.columns and role in table}
 
-    def begin_as(self, other: Beside) -> None:
+    def begin_as(self, other: PortEvidence) -> None:
         """Set the sense of effects, and the parameters at which it begins, to those of another log."""
         self.equation.sense = other.equation.sense if isinstance(other, SignalEvidence) else 1
         super().begin_as(other)

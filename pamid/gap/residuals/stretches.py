@@ -172,10 +172,7 @@ class StretchEvidence(PortEvidence):
         self.how = f"of predictions over {pieces}, each from a fitted initial state, {why}"
 
     def _part(self) -> None:
-        """Halve the stretches whose readings do not tell well enough where they begin.
-
-        Least squares from there has many least values, and first order says nothing of any change.
-        """
+        """Halve the stretches whose readings do not tell well enough where they begin."""
         while self.simulator.form == "ode" and not self.whole:
             led = self._led_elsewhere()
             bent = [b and s.stop - s.first >= 2 * SHORTEST for b, s in zip(led, self.stretches, strict=True)]
@@ -222,10 +219,7 @@ class StretchEvidence(PortEvidence):
         return found
 
     def _needed(self) -> int:
-        """Return the longest useful stretch: the longest run, or less where its initial state is forgotten.
-
-        Stretches can then be simulated side by side.
-        """
+        """Return the longest useful stretch: the longest run, or less where its initial state is forgotten."""
         longest = max(b - a for a, b in self.log.spans)
         if self.longest:
             return min(longest, self.longest)
@@ -250,10 +244,7 @@ class StretchEvidence(PortEvidence):
         return self._closed(x0)
 
     def _closed(self, x0: np.ndarray) -> np.ndarray:
-        """Return first guesses that leave no loop of the simulator open: joints that the log lacks follow the others.
-
-        Of several ways to close a loop, it is the one that leads on from the start of the model.
-        """
+        """Return first guesses with all loops closed, joints that the log lacks led on from the model's start."""
         simulator, log = self.simulator, self.log
         known = {s for s in simulator.states if s in log.channels or s in self._moves}
         if simulator.closed(x0, known) is x0:
@@ -289,10 +280,8 @@ class StretchEvidence(PortEvidence):
         return self._sums(np.sum(np.square(error), axis=0))
 
     def _unless_apart(self, x0: np.ndarray, error: np.ndarray) -> np.ndarray:
-        """Return initial states, fitted anew over growing parts where a stretch misses by far more than the others.
-
-        Far along an unstable motion the error has many least values, and few over its first part.
-        """
+        """Return initial states, fitted anew over growing parts where a stretch misses by far more than others."""
+        # Far along an unstable motion the error has many least values, and few over its first part.
         misses = np.sqrt(self._power(np.nan_to_num(error)) / (len(error) * np.bincount(self._of)))
         least = max(np.min(misses) if len(misses) > 1 else 1.0, 1.0)
         if self.simulator.one_by_one or np.max(misses) <= APART * least:
@@ -330,11 +319,8 @@ class StretchEvidence(PortEvidence):
         return x0, error
 
     def _without_sign(self) -> tuple[float, np.ndarray] | None:
-        """Return prediction errors with a reading without its sign, and initial states; None if not smaller.
-
-        A reading that is never negative, where the prediction is, may be a magnitude. Then no initial state lets the
-        simulator follow it, and very short stretches would hide the sensor fault.
-        """
+        """Return prediction errors of a reading taken as a magnitude, and initial states; None if not smaller."""
+        # From no initial state the simulator follows one, and very short stretches would hide the sensor's fault.
         plain = self._predict_many([self._starts()], [self.simulator.numbers])[0]
         for name, row in zip(self.shown, plain, strict=True):
             x = self.log.channels[name]
@@ -360,11 +346,7 @@ class StretchEvidence(PortEvidence):
         return rows + lost * (np.abs(rows) - rows) if self.folds else rows
 
     def _refitted(self, x0: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-        """Return prediction errors once tolerances are fitted with the initial states, and both.
-
-        A simulator with poorly known numbers may follow a log only with other values. Levenberg–Marquardt, with the
-        initial states projected out.
-        """
+        """Return prediction errors once tolerances are fitted, initial states projected out of each step, and both."""
         x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
         for _ in range(LAYINGS):
@@ -413,10 +395,7 @@ class StretchEvidence(PortEvidence):
         return int(np.median([np.argmax(a) if a.any() else len(a) for a in astray]))
 
     def _spread(self, name: str) -> float:
-        """Return a signal's deviation; of an angle in which the simulator comes round, at most that within a turn.
-
-        A pendulum that whirls is somewhere else long before it misses half of all turns that it made.
-        """
+        """Return a signal's deviation; of an angle in which the simulator comes round, at most that within a turn."""
         return min(float(np.std(self.log.channels[name])) or 1.0, self._full_turn(name))
 
     def _full_turn(self, name: str) -> float:
@@ -432,11 +411,8 @@ class StretchEvidence(PortEvidence):
         return worst if np.isfinite(worst) else np.inf
 
     def _off(self, x0: np.ndarray, error: np.ndarray, numbers: np.ndarray | None = None) -> float:
-        """Return the largest error of predictions, or of where they begin, as a share of a signal's deviation.
-
-        A gap adds up along a stretch, and initial states are fitted to that, too: over long ones they end up far from
-        what is read there, and from where the stretch before arrives. There the simulator is another one.
-        """
+        """Return the largest error of predictions, or of where they begin, as a share of a signal's deviation."""
+        # A gap adds up along a stretch, and the fit of initial states moves where it begins instead.
         missed = self._missed(error)
         if self.simulator.form != "ode" or not len(x0) or not missed < FOLLOWS:
             return missed

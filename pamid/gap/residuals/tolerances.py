@@ -8,21 +8,19 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...remembered import Remembered
 from ...simulators.base import Simulator
+from ...simulators.placement import Placement
 from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
 from ..settings import TOLERANCE
 from .between_rows import STEPS, TIMINGS
-from .protocol import Spec
+from .port_signals import PortSignals
+from .protocol import Active, Spec
 from .whitening import Whitening
-
-if TYPE_CHECKING:
-    from .protocol import Active
 
 LAYINGS, STRAIGHT, SMALL, MOST_LAID = 40, 0.1, 0.05, 24
 """Most times that the tolerances are relinearised, how straight it must be not to need it, the
@@ -33,21 +31,21 @@ at other values are not reused; the same causes come of half and of twice as muc
 --computed``)."""
 
 
-class Tolerances(ABC):
+class Tolerances(PortSignals, ABC):
     """Sensitivities of residuals to a simulator's free parameters."""
 
-    simulator: Simulator
     given: Simulator
     free: list[str]
     about: np.ndarray
     z0: np.ndarray
     J: np.ndarray
     noise: np.ndarray
-    parts: list[slice]
     weights: np.ndarray
     _own: Active
     skews: dict[str, np.ndarray]
     twins: Mapping[str, str]
+    placements: Mapping[str, Placement]
+    _kept: Remembered[np.ndarray]
     _laid: Remembered[np.ndarray]
     _timings: Remembered[dict[str, np.ndarray]]
     _whitening: Whitening
@@ -55,29 +53,54 @@ class Tolerances(ABC):
 
     # --- what a subclass says -------------------------------------------------------------------------------
     @abstractmethod
-    def z(
-        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    def _residual(
+        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
     ) -> np.ndarray:
-        """Return the residuals under effects and changed parameters, in units of the noise and white."""
-
-    @abstractmethod
-    def active(self, spec: Spec) -> Active:
-        """Return the simulator's own effects and those of a spec, made."""
-
-    @abstractmethod
-    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
-        """Return the parameters changed by multiples of their tolerances."""
-
-    @abstractmethod
-    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances from deviations x change, in the units of the equations.
-
-        The steps are of numbers of the simulator: clocks act linearly.
-        """
+        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
     @abstractmethod
     def _again(self) -> None:
         """Clear caches of the simulator with other parameters."""
+
+    # --- residuals of a simulator with other numbers --------------------------------------------------------
+    def numbers(self, deviations: Mapping[str, float] | None) -> np.ndarray:
+        """Return the parameters changed by multiples of their tolerances."""
+        out = self.simulator.numbers
+        for k, (name, p) in enumerate(self.given.parameters.items()):
+            out[k] += p.value * p.tolerance * (deviations or {}).get(name, 0.0)
+        return out
+
+    def active(self, spec: Spec) -> Active:
+        """Return the simulator's own effects and those of a spec, made."""
+        return [*self._own, *((self.placements[k], self.placements[k].effect(**v)) for k, v in spec.items())]
+
+    def z(
+        self, spec: Spec, deviations: Mapping[str, float] | None = None, equations: Sequence[str] | None = ()
+    ) -> np.ndarray:
+        """Return the residuals under effects and changed parameters, in units of the noise and white."""
+        if not spec and not any((deviations or {}).values()):
+            return self.z0.copy()
+        known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
+        active = self.active(spec)
+        found = self._kept.get(repr(known), lambda: self._bare(active, deviations or {}))
+        return self._whitening.white(self._finite(found + self._skewed(deviations or {}, active)) / self.noise)
+
+    def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
+        """Return the deviations that need new residuals: clocks act linearly."""
+        return {k: v for k, v in deviations.items() if v and k not in self.skews}
+
+    def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
+        """Return what steps of the tolerances from deviations x change, in the units of the equations."""
+        here, *there = (self._finite(self._bare(active, self._named(v))) for v in (x, *(x + step for step in steps)))
+        return [one - here for one in there]
+
+    def _bare(self, active: Active, deviations: Mapping[str, float]) -> np.ndarray:
+        """Return the same without clock offsets; not finite where the simulator is not."""
+        with np.errstate(all="ignore"):
+            return self._residual(active, self.numbers(deviations))
+
+    def _finite(self, found: np.ndarray) -> np.ndarray:
+        return np.where(np.isfinite(found), found, 1e3 * self.noise)
 
     # --- what follows ---------------------------------------------------------------------------------------
     def tangent(self, spec: Spec, x: np.ndarray) -> np.ndarray:

@@ -24,17 +24,6 @@ _SINGULAR = 1e6
 """Condition number, inputs in their ranges, beyond which drives cannot be distinguished."""
 
 
-class Instants(NamedTuple):
-    """Instants at which a simulator is evaluated."""
-
-    t: np.ndarray
-    x: np.ndarray
-    u: np.ndarray
-    """Times, states, inputs. Shape (n,)."""
-    step: np.ndarray
-    """Changes of the inputs that count as small, shape (n_inputs,)."""
-
-
 class Turned(NamedTuple):
     """A linear map of the residuals of some equations, window by window."""
 
@@ -55,40 +44,31 @@ class Turned(NamedTuple):
 
 
 def turned(
-    simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
-) -> Turned | None:
-    """Return the map of residuals of rates: to forces where the inertia is known, else by drives; or None."""
-    found = by_inertia(simulator, [k for k, _, _ in equations], at.x)
-    if found is not None or simulator.form != "ode":
-        return found
-    return by_drives(simulator, list(equations), joints, at)
+    simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], t: np.ndarray,
+    x: np.ndarray, u: np.ndarray, step: np.ndarray,
+) -> Turned | None:  # fmt: skip
+    """Return the map of residuals of rates, to forces where the inertia is known, else by drives; None if not coupled.
 
-
-def by_inertia(simulator: Simulator, equations: list[int], x: np.ndarray) -> Turned | None:
-    """Return the map to the forces of all joints; None where the simulator does not know its inertia."""
+    It is that of some instants; a `step` is a change of each input that counts as small.
+    """
     inertia = simulator.inertia(x) if equations else None
-    return None if inertia is None else Turned(equations, inertia, True)
-
-
-def by_drives(
-    simulator: Simulator, equations: Sequence[tuple[int, int, str]], joints: Sequence[JointPort], at: Instants
-) -> Turned | None:
-    """Return the map that keeps an input's error in the equation of its joint; None where nothing is coupled."""
+    if inertia is not None:
+        return Turned([k for k, _, _ in equations], inertia, True)
     through = {j.name: j.through for j in joints if j.through in simulator.inputs}
     driven = [k for k, (_, _, name) in enumerate(equations) if name in through]
-    if not driven or len(equations) < 2:
+    if simulator.form != "ode" or not driven or len(equations) < 2:
         return None
-    rows, p = [row for _, row, _ in equations], spread_numbers(simulator, len(at.t))
-    base = simulator.rate(at.t, at.x, at.u, p)[rows]
-    G = np.zeros((len(at.t), len(equations), len(driven)))
+    rows, p = [row for _, row, _ in equations], spread_numbers(simulator, len(t))
+    base = simulator.rate(t, x, u, p)[rows]
+    G = np.zeros((len(t), len(equations), len(driven)))
     for column, k in enumerate(driven):
-        i, moved = simulator.inputs.index(through[equations[k][2]]), at.u.copy()
-        moved[i] += at.step[i]
-        G[:, :, column] = (simulator.rate(at.t, at.x, moved, p)[rows] - base).T
+        i, moved = simulator.inputs.index(through[equations[k][2]]), u.copy()
+        moved[i] += step[i]
+        G[:, :, column] = (simulator.rate(t, x, moved, p)[rows] - base).T
     if not np.all(np.isfinite(G)) or np.max(np.linalg.cond(G[:, driven])) > _SINGULAR:
         return None
     inverse = np.linalg.inv(G[:, driven])
-    turned = np.repeat(np.eye(len(equations))[None], len(at.t), axis=0)
+    turned = np.repeat(np.eye(len(equations))[None], len(t), axis=0)
     turned[:, :, driven] -= G @ inverse
     turned[:, driven, :] = 0.0
     own = np.einsum("nkk->nk", G[:, driven])[:, :, None] * inverse

@@ -51,7 +51,6 @@ class UndoneEvidence(PortEvidence, ABC):
     _tables: list[dict[str, np.ndarray]]
     balances: list[Balance]
     _x: np.ndarray
-    n: int
     _first: list[list[np.ndarray]]
     _moving: list[np.ndarray]
     _turned: Turned | None

@@ -15,8 +15,6 @@ from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
 from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
-from .port_signals import PortSignals
-from .protocol import Active
 from .repeats import repeating
 from .tolerances import Tolerances, rms
 from .whitening import Whitening, memory_of, smoothed
@@ -32,10 +30,11 @@ MEASURED = "The noise of {} is allowed for: the residuals show that such inputs 
 _LEAST = 1e-6
 
 
-class WindowNoise(Tolerances, PortSignals, ABC):
+class WindowNoise(Tolerances, ABC):
     """The noise of the windows of a log at ports, estimated from the log itself."""
 
-    simulates: bool
+    simulates = False
+    """Whether residuals are those of simulated stretches, not of the equations at the logged states."""
     run: np.ndarray
     first: np.ndarray
     time: np.ndarray
@@ -45,7 +44,9 @@ class WindowNoise(Tolerances, PortSignals, ABC):
     stretch: float
     pace: float
     n: int
+    """Samples per window."""
     _u: np.ndarray
+    """Inputs at each row."""
     _copies: list[dict[str, np.ndarray]]
     _drawn: np.ndarray
     hears_inputs = False
@@ -59,12 +60,6 @@ class WindowNoise(Tolerances, PortSignals, ABC):
     _unresolved: np.ndarray | float = 0.0
     _opened: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]] = ()
     """Jumps at unknown instants, how far rows may be off, and what noise this makes of each window."""
-
-    @abstractmethod
-    def _residual(
-        self, active: Active, numbers: np.ndarray, channels: Mapping[str, np.ndarray] | None = None
-    ) -> np.ndarray:
-        """Return measured less modelled at every window, under effects, numbers and, if given, other readings."""
 
     def without_causes(self) -> RobustFit:
         """Return the fit of parameters and clocks without any cause."""
@@ -125,10 +120,7 @@ class WindowNoise(Tolerances, PortSignals, ABC):
         self.noise = np.hypot(self.noise, self._unresolved)
 
     def hear_inputs(self, fitted: RobustFit | Fit | None = None) -> bool:
-        """Return whether what a fit leaves shows the noise of inputs, which then counts.
-
-        By default it is a fit without any cause. What it does with an input within a sample it does with its noise.
-        """
+        """Return whether what a fit, without causes by default, leaves shows the noise of inputs, which then counts."""
         if self.hears_inputs or self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
         sigma = rough_inputs(self._u, self.log.spans)
@@ -235,11 +227,8 @@ class WindowNoise(Tolerances, PortSignals, ABC):
         self.weights = 1.0 / self.memory
 
     def _repeat(self) -> None:
-        """Estimate the noise from repeated runs: no model of these signals predicts their difference.
-
-        Neighbouring samples underestimate it where readings were smoothed, or drift; then it is also correlated, and
-        that many windows count as one.
-        """
+        """Estimate the noise from repeated runs: smoothed or drifting readings hide it between neighbouring samples."""
+        # Such noise is correlated, too: that many windows count as one.
         found: list[list[tuple[float, float, int]]] = [[] for _ in self.parts]
         inputs, channels = self.simulator.inputs, self.log.channels
         if self.simulator.form == "algebraic":  # without a state that begins elsewhere, inputs alone say what repeats

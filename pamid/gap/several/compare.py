@@ -141,12 +141,13 @@ def _causes(causes: Sequence[Cause], logs: Sequence[LogFinding], variants: Varia
             old = found[first]
             ci = (old.share_ci90[0] + cause.share_ci90[0], old.share_ci90[1] + cause.share_ci90[1])
             each = _each(old, variants) | {k: v for k, v in each.items() if k not in old.effects}
+            last = next((f.parameters[first] for f in reversed(logs) if first in f.parameters), None)
             cause = replace(
                 old,
                 confidence=max(old.confidence, cause.confidence),
                 share=min(old.share + cause.share, 1.0),
                 share_ci90=(min(ci[0], 1.0), min(ci[1], 1.0)),
-                parameters=_last(first, logs) or old.parameters,
+                parameters=last or old.parameters,
             )
         found[first] = replace(cause, effects=tuple(each), others=tuple(each.values())[1:])
     return sorted(found.values(), key=lambda c: -c.share)
@@ -177,7 +178,3 @@ def _rivals(rivals: Sequence[Rival], stack: StackedEvidence, variants: Variants)
         else:
             found[frozenset(spec)] = replace(known, belief=known.belief + r.belief)
     return list(found.values())
-
-
-def _last(effect: str, logs: Sequence[LogFinding]) -> dict[str, ParameterEstimate] | None:
-    return next((f.parameters[effect] for f in reversed(logs) if effect in f.parameters), None)

@@ -34,7 +34,7 @@ _BACK = "#E4E4E4"  # where there are no data
 _CONDITION = re.compile(r"^\(*\s*(\w+?)[12]?\s*(<=|>=|<|>)\s*(-?[\d.]+(?:[eE][-+]?\d+)?)\s*\)*$")
 
 
-def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]:
+def axes_of(d: Diagnosis, equation: str) -> list[tuple[str, str]]:
     """Return the pairs of signals over which an equation can be mapped; those of its regions come first."""
     part = of_equation(d, equation)
     known = () if Words.of(d).is_at_ports(equation) else AXES.get(equation, AXES["force"])
@@ -44,7 +44,7 @@ def axes_of(d: Diagnosis, equation: str, most: int = 2) -> list[tuple[str, str]]
         first, *others = telling_ports(part) or [""]
         pairs = [(first, other) for other in others]
     pairs.sort(key=lambda p: -max((len(names & set(p)) for names in regions[:1]), default=0))
-    return pairs[:most]
+    return pairs[:2]
 
 
 def map_figure(d: Diagnosis, equation: str | None = None, x: str | None = None, y: str | None = None) -> Figure:

@@ -14,11 +14,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .antagonist import Antagonist
-from .controller import Controller, RunningController
-from .integrate import RungeKutta4
-from .parameters import BenchParameters
-from .references import PERIOD, Trajectory
+from pamid.bench.antagonist import Antagonist
+from pamid.bench.controller import Controller, RunningController
+from pamid.bench.integrate import RungeKutta4
+from pamid.bench.parameters import BenchParameters
+from pamid.bench.references import PERIOD, Trajectory
 
 
 def balances(params: BenchParameters, runs: Sequence[Trajectory], substeps: int = 1) -> dict[str, float]:
