@@ -17,7 +17,9 @@ the new speed (semi-implicit Euler), so that a speed derived from them lies half
 
 .. math:: \ddot x = a\bigl(x(t), \dot x(t \mp \tfrac{h}{2}), u\bigr)
 
-which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too.
+which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too. Damping
+that its integrator takes implicitly follows the new speed instead, and adds inertia,
+:math:`a_h = a - h M^{-1} D a`: one step of the model shows by how much, which is allowed by itself.
 
 References
 ----------
@@ -44,7 +46,7 @@ def earlier(x: np.ndarray, by: np.ndarray | float, log: PortLog) -> np.ndarray:
 
 def within_steps(
     base: np.ndarray, at_late: Callable[[np.ndarray], np.ndarray], states: Sequence[str], derived: Sequence[str],
-    balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray,
+    balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray, implicit: np.ndarray,
 ) -> Iterator[tuple[str, np.ndarray]]:  # fmt: skip
     """Yield changes of the rates within each step, shape (n_states, 2 n_rows), which are not causes."""
     dynamic = [b for b in balances if b.order and not b.velocity]  # clocks of two readings have a skew of their own
@@ -60,5 +62,10 @@ def within_steps(
             out = np.zeros_like(base)
             out[b.row] = min(own / log.dt, 1.0) * (late - base)[b.row] / SMALL
             yield f"{OWN_STEP} in {b.channel}", out
+    for b in balances:
+        if np.any(implicit[b.row]):
+            out = np.zeros_like(base)
+            out[b.row] = implicit[b.row]
+            yield f"implicit {OWN_STEP} in {b.channel}", out
     if own > 0.0:
         yield "bend within steps", bend
