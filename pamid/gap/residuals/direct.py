@@ -229,13 +229,14 @@ class DirectEvidence(MotionRates):
         return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
 
     def _implicit(self, step: float) -> np.ndarray:
-        """Return by how much accelerations over a model's own step differ from those at its start."""
-        simulator, out = self.simulator, np.zeros_like(self._base_rates)
+        """Return what a model's own steps change in accelerations, for steps of a sample."""
+        simulator, out, step = self.simulator, np.zeros_like(self._base_rates), min(step, self.log.dt)
         if step > 0.0 and self._step is None:  # else it is run over whole samples
             _, x, u, p = self._both(self._x, self._u, self._ends(self._u), simulator.numbers)
             later = simulator.own_steps(x, u, u, p, step, step)
             rows = [simulator.states.index(j.velocity) for j in self.joints]
-            out[rows] = ((later - x) / step - self._base_rates)[rows] if later is not None else 0.0
+            change = 0.0 if later is None else ((later - x) / step - self._base_rates)[rows]
+            out[rows] = change * (self.log.dt / step)
         return out
 
     def _under(self, u: np.ndarray, change: np.ndarray | float = 0.0) -> np.ndarray:

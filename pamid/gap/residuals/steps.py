@@ -17,9 +17,9 @@ the new speed (semi-implicit Euler), so that a speed derived from them lies half
 
 .. math:: \ddot x = a\bigl(x(t), \dot x(t \mp \tfrac{h}{2}), u\bigr)
 
-which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too. Damping
-that its integrator takes implicitly follows the new speed instead, and adds inertia,
-:math:`a_h = a - h M^{-1} D a`: one step of the model shows by how much, which is allowed by itself.
+which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too. Its step is that of
+its integrator: the speed is half a step late, and damping that it takes implicitly follows the new speed, which adds
+inertia, :math:`a_h = a - h M^{-1} D a`, by as much as one step of the model shows.
 
 References
 ----------
@@ -53,8 +53,10 @@ def within_steps(
     out = np.zeros_like(base)
     for order in sorted({b.order for b in dynamic}):
         rows = [b.row for b in dynamic if b.order == order]
-        late = np.array([0.5 * SMALL * (order - (name in derived)) for name in states])
-        out[rows] = (at_late(late) - base)[rows] / SMALL
+        # Positions go with the new speed if the model says its step, else with the old one.
+        by = [float(name in derived) if own > 0.0 and order == 2 else order - (name in derived) for name in states]
+        late = 0.5 * SMALL * np.array(by)
+        out[rows] = (at_late(late) - base)[rows] / SMALL + implicit[rows]
     yield STEPS, out
     if own > 0.0 and derived:
         late = at_late(np.array([0.5 * SMALL * (name in derived) for name in states]))
@@ -62,10 +64,5 @@ def within_steps(
             out = np.zeros_like(base)
             out[b.row] = min(own / log.dt, 1.0) * (late - base)[b.row] / SMALL
             yield f"{OWN_STEP} in {b.channel}", out
-    for b in balances:
-        if np.any(implicit[b.row]):
-            out = np.zeros_like(base)
-            out[b.row] = implicit[b.row]
-            yield f"implicit {OWN_STEP} in {b.channel}", out
     if own > 0.0:
         yield "bend within steps", bend
