@@ -200,8 +200,9 @@ class DirectEvidence(MotionRates):
             self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
-                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step, self._bend
-            ):
+                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step,
+                self._bend, self._implicit(step),
+            ):  # fmt: skip
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
                     self.skews[name] = column
@@ -226,6 +227,17 @@ class DirectEvidence(MotionRates):
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""
         return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
+
+    def _implicit(self, step: float) -> np.ndarray:
+        """Return what a model's own steps change in accelerations, for steps of a sample."""
+        simulator, out, step = self.simulator, np.zeros_like(self._base_rates), min(step, self.log.dt)
+        if step > 0.0 and self._step is None:  # else it is run over whole samples
+            _, x, u, p = self._both(self._x, self._u, self._ends(self._u), simulator.numbers)
+            later = simulator.own_steps(x, u, u, p, step, step)
+            rows = [simulator.states.index(j.velocity) for j in self.joints]
+            change = 0.0 if later is None else ((later - x) / step - self._base_rates)[rows]
+            out[rows] = change * (self.log.dt / step)
+        return out
 
     def _under(self, u: np.ndarray, change: np.ndarray | float = 0.0) -> np.ndarray:
         """Return the residuals under other inputs, or with rates that differ."""

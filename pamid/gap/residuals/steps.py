@@ -17,7 +17,9 @@ the new speed (semi-implicit Euler), so that a speed derived from them lies half
 
 .. math:: \ddot x = a\bigl(x(t), \dot x(t \mp \tfrac{h}{2}), u\bigr)
 
-which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too.
+which is worth :math:`\tfrac{h}{2}` times the damping in mass: it is allowed beside causes, too. Its step is that of
+its integrator: the speed is half a step late, and damping that it takes implicitly follows the new speed, which adds
+inertia, :math:`a_h = a - h M^{-1} D a`, by as much as one step of the model shows.
 
 References
 ----------
@@ -44,15 +46,17 @@ def earlier(x: np.ndarray, by: np.ndarray | float, log: PortLog) -> np.ndarray:
 
 def within_steps(
     base: np.ndarray, at_late: Callable[[np.ndarray], np.ndarray], states: Sequence[str], derived: Sequence[str],
-    balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray,
+    balances: Sequence[Balance], log: PortLog, own: float, bend: np.ndarray, implicit: np.ndarray,
 ) -> Iterator[tuple[str, np.ndarray]]:  # fmt: skip
     """Yield changes of the rates within each step, shape (n_states, 2 n_rows), which are not causes."""
     dynamic = [b for b in balances if b.order and not b.velocity]  # clocks of two readings have a skew of their own
     out = np.zeros_like(base)
     for order in sorted({b.order for b in dynamic}):
         rows = [b.row for b in dynamic if b.order == order]
-        late = np.array([0.5 * SMALL * (order - (name in derived)) for name in states])
-        out[rows] = (at_late(late) - base)[rows] / SMALL
+        # Positions go with the new speed if the model says its step, else with the old one.
+        by = [float(name in derived) if own > 0.0 and order == 2 else order - (name in derived) for name in states]
+        late = 0.5 * SMALL * np.array(by)
+        out[rows] = (at_late(late) - base)[rows] / SMALL + implicit[rows]
     yield STEPS, out
     if own > 0.0 and derived:
         late = at_late(np.array([0.5 * SMALL * (name in derived) for name in states]))
