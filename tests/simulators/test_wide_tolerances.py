@@ -8,7 +8,7 @@ import pytest
 
 from pamid.gap import diagnose_simulator
 from pamid.gap.inference.discrepancy import Discrepancy
-from pamid.gap.inference.gauss_newton import TOLD, Fitter
+from pamid.gap.inference.gauss_newton import FINEST, Fitter
 from pamid.gap.settings import TOLERANCE
 from pamid.gap.simulated import evidence_of
 from pamid.signals.ends import end_of
@@ -107,7 +107,7 @@ def test_the_fit_that_is_told_ends_where_another_one_gains_nothing() -> None:
     worth = [fit.loglik - 0.5 * TOLERANCE * float(np.sum(np.square(fit.x + evidence.about)))
              for fit in (rough, told, fitter.told(told))]  # fmt: skip
     assert worth[0] <= worth[1]
-    assert worth[2] == pytest.approx(worth[1], abs=2.0 * TOLD)
+    assert worth[2] == pytest.approx(worth[1], abs=2.0 * FINEST)
 
 
 def test_readings_at_their_end_speak_for_it() -> None:

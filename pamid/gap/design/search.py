@@ -112,17 +112,22 @@ def plan_as_is(
 ) -> Plan:
     """Return the runs of a rig that best discriminate between explanations, or determine the parameters of one."""
     search = _searched(rig, rivals, designs, purpose, library, seed, say)
-    if not search.known:
-        names = [(r.names, r.belief) for r in rivals if r.effects.keys() <= rig.logs[-1].effects.keys()]
-        return Plan("none", [], rig.limits, [n for n, _ in names], [b for _, b in names], [], 0.0, False)
-    return search.plan()
+    if search.known:
+        return search.plan()
+    there = _that_act(rig, rivals)
+    return Plan("none", [], rig.limits, [r.names for r in there], [r.belief for r in there], [], 0.0, False)
+
+
+def _that_act(rig: Rig, rivals: Sequence[Rival]) -> list[Rival]:
+    """Return the explanations of which all effects can act on a rig's last log."""
+    return [r for r in rivals if r.effects.keys() <= rig.logs[-1].effects.keys()]
 
 
 def _searched(
     rig: Rig, rivals: Sequence[Rival], designs: int, purpose: str, library: str | Sequence[str], seed: int, say: Say
 ) -> "_Search":
     """Return the designs of a rig, ranked by a preview; of no explanations where there is nothing to tell apart."""
-    rivals = [r for r in rivals if r.effects.keys() <= rig.logs[-1].effects.keys()]
+    rivals = _that_act(rig, rivals)
     chosen = rivals[:RIVALS]
     if purpose == "parameters" or (purpose == "auto" and len(chosen) == 1):
         chosen = [r for r in chosen if r.effects][:1]

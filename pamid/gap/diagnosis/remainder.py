@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..residuals.protocol import ResidualSource
 from ..settings import MATERIAL
@@ -69,15 +70,16 @@ def _learned(state: dict[str, np.ndarray], y: np.ndarray, block: np.ndarray, exc
     groups = block if len(np.unique(block)) > 2 else (4 * np.arange(len(y))) // len(y)
     X = np.column_stack(list(state.values()))
     learner = HistGradientBoostingRegressor(max_iter=60, min_samples_leaf=30, random_state=0)
-    predicted = cross_val_predict(learner, X, y, groups=groups, cv=GroupKFold(min(4, len(np.unique(groups)))))
-    share = (float(np.mean(y**2)) - float(np.mean((y - predicted) ** 2))) / excess
-    learner.fit(X, y)
-    whole = float(np.mean((y - learner.predict(X)) ** 2))
-    rng, loss = np.random.RandomState(0), {}
-    for k, name in enumerate(state):
-        mixed = X.copy()
-        mixed[:, k] = mixed[rng.permutation(len(X)), k]
-        loss[name] = float(np.mean((y - learner.predict(mixed)) ** 2)) - whole
+    with threadpool_limits(1, user_api="openmp"):  # as in `floor`: trees are small
+        predicted = cross_val_predict(learner, X, y, groups=groups, cv=GroupKFold(min(4, len(np.unique(groups)))))
+        share = (float(np.mean(y**2)) - float(np.mean((y - predicted) ** 2))) / excess
+        learner.fit(X, y)
+        whole = float(np.mean((y - learner.predict(X)) ** 2))
+        rng, loss = np.random.RandomState(0), {}
+        for k, name in enumerate(state):
+            mixed = X.copy()
+            mixed[:, k] = mixed[rng.permutation(len(X)), k]
+            loss[name] = float(np.mean((y - learner.predict(mixed)) ** 2)) - whole
     names = [n for n in sorted(loss, key=lambda n: -loss[n]) if loss[n] > MATERIAL * max(loss.values())]
     return {"predictable_share": float(np.clip(share, 0.0, 1.0)), "depends_on": names if share > MATERIAL else []}
 

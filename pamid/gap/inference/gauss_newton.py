@@ -23,7 +23,7 @@ MIX = 0.4
 """How far a share of another form may go in one step."""
 REFINED = 0.05
 """Share of the upper bound that shows what a parameter that refines an effect changes, from 0."""
-LAID, FINAL, TOLD = 24, 0.3, 0.01
+LAID, FINAL, FINEST = 24, 0.3, 0.01
 """Most steps of a fit that is relinearised as it goes, the gain in nats that ends it, and the one that ends the fit
 that is told where slopes vary: sizes are a seventh of a standard error from the best ones."""
 
@@ -162,7 +162,7 @@ class Fitter:
 
     def told(self, fit: Fit) -> Fit:
         """Return a fit as it is told: where slopes vary, one whose last step gained little may still be far off."""
-        return self._descended(fit.spec, fit.x, LAID, TOLD, -np.inf) if self.evidence.curved else fit
+        return self._descended(fit.spec, fit.x, LAID, FINEST, -np.inf) if self.evidence.curved else fit
 
     def _refined(self, spec: Spec, x: np.ndarray, steps: int, gain: float) -> Fit:
         """Fit everything with the tolerances linearised at deviations x."""
