@@ -38,7 +38,7 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .bends import carried, matters, simpson, steps_of
-from .between_rows import after, needed, passed_on, timings
+from .between_rows import after, before, needed, passed_on, timings
 from .derived import speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .kinks import at_unknown_instants, root_mean_square
@@ -200,8 +200,8 @@ class DirectEvidence(MotionRates):
             self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
-                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step,
-                self._bend, self._implicit(step),
+                self._base_rates, self._late, self._at_once, self.simulator.states, derived, self.balances, self.log,
+                step, self._bend, self._implicit(step),
             ):  # fmt: skip
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
@@ -227,6 +227,16 @@ class DirectEvidence(MotionRates):
     def _late(self, late: np.ndarray) -> np.ndarray:
         """Return the rates of the states as they were some samples earlier."""
         return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
+
+    def _at_once(self, new_speed: bool) -> np.ndarray:
+        """Return the rates that a step of a whole sample takes; derived speeds are those before it, or in it."""
+        x, states = self._x.copy(), list(self.simulator.states)
+        for position, velocity in self.derived.items():
+            q = self.log.channels[position][None]
+            x[states.index(velocity)] = (
+                (q - before(q, self.log)) if new_speed else (after(q, self.log) - q)
+            ) / self.log.dt
+        return np.hsplit(self._rates(x, self._u, self._u, self.simulator.numbers), 2)[0]
 
     def _implicit(self, step: float) -> np.ndarray:
         """Return what a model's own steps change in accelerations, for steps of a sample."""

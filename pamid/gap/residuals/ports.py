@@ -26,9 +26,9 @@ from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
-from ..inference.student_t import scale, solve
-from ..settings import DECIDED, EXCESS, LEAST_GAIN
-from .between_rows import NOTE, STEPS
+from ..inference.student_t import RobustFit, scale, solve
+from ..settings import DECIDED, EXCESS, LEAST_GAIN, TOLERANCE
+from .between_rows import METHODS, NOTE
 from .port_signals import UNTURNED, PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
@@ -97,6 +97,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._laid: Remembered[np.ndarray] = Remembered(MOST_LAID)
         self._timings: Remembered[dict[str, np.ndarray]] = Remembered(MOST_LAID)
         self._own: Active = []
+        self.made_in_samples = False
+        """Whether the log looks as if each sample was one step of an integrator."""
 
     def _settle(self) -> None:
         """Compute everything that the protocol requires, once the windows are known."""
@@ -135,8 +137,7 @@ class PortEvidence(WindowNoise, Settled, ABC):
             self._begun(straight)
         self.time_jumps()
         self.hear_inputs()
-        if STEPS in self.skews and not self._stepped_alone():
-            self._set_aside(STEPS)
+        self._choose_steps()
         if self.lines:
             self.notes.append(NOTE)
 
@@ -155,14 +156,27 @@ class PortEvidence(WindowNoise, Settled, ABC):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
-    def _stepped_alone(self) -> bool:
-        """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""
-        low, high = self.ends
-        beside = np.array([name != STEPS for name in self.free])
-        whole = solve(self.z0, self.J, low, high, self.parts, self.weights)
-        less = solve(self.z0, self.J[:, beside], low[beside], high[beside], self.parts, self.weights)
-        left = [scale(whole.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-        return whole.loglik > less.loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
+    def _choose_steps(self) -> None:
+        """Set steps of an integrator aside, unless one method explains the log to its noise, and nothing else does."""
+
+        def fitted(method: str, least: float = 0.0) -> RobustFit:
+            low, high = self.ends
+            low[[name == method for name in self.free]] += least
+            on = np.array([name == method or name not in METHODS for name in self.free], dtype=bool)
+            prior = np.where([name in METHODS for name in self.free], 0.0, TOLERANCE)[on]
+            return solve(self.z0, self.J[:, on], low[on], high[on], self.parts, self.weights, prior)
+
+        methods = sorted(METHODS.keys() & self.skews.keys(), key=lambda method: fitted(method).loglik)
+        if not methods:
+            return
+        best = fitted(methods[-1])
+        left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
+        alone = best.loglik > fitted("").loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
+        self.made_in_samples = alone and fitted(methods[-1], 1.0).loglik > best.loglik - LEAST_GAIN
+        for method in methods[: len(methods) - alone]:
+            self._set_aside(method)
+        if alone:
+            self._aside = None
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
