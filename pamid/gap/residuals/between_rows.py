@@ -25,6 +25,8 @@ STEPS = "step of the integrator"
 SEMI_IMPLICIT = f"{STEPS}, semi-implicit"
 """The same of a method whose positions go with the new speed."""
 METHODS = {STEPS: "Euler's method", SEMI_IMPLICIT: "the semi-implicit Euler method"}
+WHOLE = ", all of it"
+"""Ending of the name of what a step as long as a sample does; the name alone means to first order."""
 OWN_STEP = "step of the model"
 """The same of a model that says its step: 1 for it, -1 for an implicit one."""
 NOTE = "Inputs are interpolated between rows, which explains the log better than holding them over each step does."
@@ -34,7 +36,7 @@ def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:
     """Return a sentence for each step of an integrator that a fit took up; a model's own is known."""
     told = []
     for name, share in deviations.items():
-        method = next((m for m in (SEMI_IMPLICIT, STEPS) if name.startswith(m)), None)
+        method = next((m for m in reversed(METHODS) if name.startswith(m)), None)
         if method and (size := round(share, 2)) > 0.0:
             day = name.removeprefix(method)
             told.append(

@@ -236,7 +236,7 @@ class DirectEvidence(MotionRates):
             x[states.index(velocity)] = (
                 (q - before(q, self.log)) if new_speed else (after(q, self.log) - q)
             ) / self.log.dt
-        return np.hsplit(self._rates(x, self._u, self._u, self.simulator.numbers), 2)[0]
+        return self.simulator.rate(self.log.t, x, self._u, wide(self.simulator.numbers, self.log.n))
 
     def _implicit(self, step: float) -> np.ndarray:
         """Return what a model's own steps change in accelerations, for steps of a sample."""

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from types import MappingProxyType
 from typing import Self
 
@@ -28,7 +28,7 @@ from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import RobustFit, scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN, TOLERANCE
-from .between_rows import METHODS, NOTE
+from .between_rows import METHODS, NOTE, WHOLE
 from .port_signals import UNTURNED, PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
@@ -132,12 +132,14 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._draw_noise()
         self._correlate()
         self.z0 = self._whitening.white(self.value / self.noise)
-        straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
+        self._choose_steps()
+        straight = self.J
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
         self.time_jumps()
         self.hear_inputs()
-        self._choose_steps()
+        self._set_steps_aside()
         if self.lines:
             self.notes.append(NOTE)
 
@@ -156,27 +158,52 @@ class PortEvidence(WindowNoise, Settled, ABC):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
+    def _fitted_beside(self, method: str = "", column: np.ndarray | None = None, least: float = 0.0) -> RobustFit:
+        """Return the fit of all that is free, of methods of integration only one, its step at least so long."""
+        low, high = self.ends
+        on = np.array([name not in METHODS for name in self.free], dtype=bool)
+        z0, low, high, prior = (
+            self.z0 - self.J[:, ~on] @ self.about[~on],
+            low[on],
+            high[on],
+            [TOLERANCE] * int(on.sum()),
+        )
+        if column is not None:
+            column = self._whitening.white(column / self.noise)[:, None]
+        elif method:
+            column = self.J[:, [self.free.index(method)]]
+        if column is None:
+            return solve(z0, self.J[:, on], low, high, self.parts, self.weights, np.array(prior))
+        low, high = np.append(low, least), np.append(high, 1.0)
+        J = np.hstack([self.J[:, on], column])
+        return solve(z0, J, low, high, self.parts, self.weights, np.append(prior, 0.0))
+
     def _choose_steps(self) -> None:
-        """Set steps of an integrator aside, unless one method explains the log to its noise, and nothing else does."""
+        """Keep what fits best of methods of integration and lengths of their steps."""
+        found: list[tuple[float, str, np.ndarray, bool]] = []
+        every = {name: column for name, column in self.skews.items() if name.removesuffix(WHOLE) in METHODS}
+        self._keep_free([name for name in self.free if name not in every])
+        for method in METHODS.keys() & every.keys():
+            first, whole = every[method], every.get(method + WHOLE)
+            for share in np.linspace(0.0, 1.0, 5) if whole is not None else (0.0,):
+                column = first if whole is None else first + share * (whole - first)
+                found.append((self._fitted_beside(column=column).loglik, method, column, share == 1.0))
+        if found:
+            _, method, column, self.made_in_samples = max(found, key=itemgetter(0))
+            self._free_also(method, column)
 
-        def fitted(method: str, least: float = 0.0) -> RobustFit:
-            low, high = self.ends
-            low[[name == method for name in self.free]] += least
-            on = np.array([name == method or name not in METHODS for name in self.free], dtype=bool)
-            prior = np.where([name in METHODS for name in self.free], 0.0, TOLERANCE)[on]
-            return solve(self.z0, self.J[:, on], low[on], high[on], self.parts, self.weights, prior)
-
-        methods = sorted(METHODS.keys() & self.skews.keys(), key=lambda method: fitted(method).loglik)
-        if not methods:
+    def _set_steps_aside(self) -> None:
+        """Set steps of an integrator aside, unless they explain the log to its noise, and nothing else does."""
+        method = next((name for name in self.free if name in METHODS), "")
+        if not method:
             return
-        best = fitted(methods[-1])
+        best, least = self._fitted_beside(method), self._fitted_beside()
         left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-        alone = best.loglik > fitted("").loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
-        self.made_in_samples = alone and fitted(methods[-1], 1.0).loglik > best.loglik - LEAST_GAIN
-        for method in methods[: len(methods) - alone]:
+        alone = best.loglik > least.loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
+        whole = alone and self._fitted_beside(method, least=1.0).loglik > best.loglik - LEAST_GAIN
+        self.made_in_samples = self.made_in_samples and whole
+        if not alone:
             self._set_aside(method)
-        if alone:
-            self._aside = None
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
@@ -398,12 +425,15 @@ class PortEvidence(WindowNoise, Settled, ABC):
         """Return this evidence with steps of an integrator free; None where they are, or where there are none."""
         if self._aside is None:
             return None
-        name, skew = self._aside
         other = copy(self)
         other._aside, other._laid = None, Remembered(self._laid.most)  # slopes about effects have a column more
-        other.free, other.about = [*self.free, name], np.append(self.about, 0.0)
-        other.J, other.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
+        other._free_also(*self._aside)
         return other
+
+    def _free_also(self, name: str, skew: np.ndarray) -> None:
+        """Free a nuisance parameter, in which residuals are linear."""
+        self.free, self.about = [*self.free, name], np.append(self.about, 0.0)
+        self.J, self.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
 
     def also_under(self, names: Mapping[str, str]) -> None:
         """Add other names of effects, each with its own."""

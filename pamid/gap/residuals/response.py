@@ -26,6 +26,8 @@ from ...simulators.structure import JointPort
 from .between_rows import drawn
 from .protocol import Active
 from .states import integral
+from .steps import earlier
+from .tolerances import SMALL
 
 _TERMS, _SMALL = 8, 0.25
 _MOST = 1e12
@@ -167,10 +169,16 @@ class Response:
         return self._slopes[k]
 
     def of_steps(self, new_speed: Sequence[int] = ()) -> np.ndarray:
-        """Return by how much the states change if each sample is one step of Euler's method.
+        """Return by how much the states change with steps of Euler's method, for a whole sample to first order.
 
-        Rows of ``new_speed`` are positions that go with the speed at the end of the step.
+        Rows of ``new_speed`` are positions that go with the speed at the end of a step.
         """
+        late, early = (self._rates(self.drive, earlier(self.x, by, self.log)) for by in (0.5 * SMALL, -0.5 * SMALL))
+        late[list(new_speed)] = early[list(new_speed)]
+        return self._followed((late - self.rates) / SMALL, np.zeros((len(self.x), len(self.firsts))))
+
+    def of_whole_steps(self, new_speed: Sequence[int] = ()) -> np.ndarray:
+        """Return the same, not only to first order, if each sample is one step."""
         first, last = (self._asked(self.x, self._base[0], self.drive.p, at) for at in (0.0, 1.0))
         first[list(new_speed)] = last[list(new_speed)]
         change = first + self._base[1] - np.diff(self.x)[:, self.before] / self.log.dt

@@ -31,7 +31,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
-from .between_rows import SEMI_IMPLICIT, STEPS, needed, timings
+from .between_rows import SEMI_IMPLICIT, STEPS, WHOLE, needed, timings
 from .influence import Influence
 from .port_signals import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
@@ -185,12 +185,12 @@ class ShootingEvidence(PredictedEvidence):
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
             positions = [self.simulator.states.index(position) for position in self._pairs]
-            methods: dict[str, list[int]] = {STEPS: [], **({SEMI_IMPLICIT: positions} if positions else {})}
-            for method, rows in methods.items():
-                stepped = self._responded(self._x0, base, base, methodcaller("of_steps", rows))
-                column = self._compared([], [], map(self._fold, stepped))
-                if np.any(column):
-                    self.skews[method] = column
+            for method, new_speed in {STEPS: [], **({SEMI_IMPLICIT: positions} if positions else {})}.items():
+                for of, ending in (("of_steps", ""), ("of_whole_steps", WHOLE)):
+                    stepped = self._responded(self._x0, base, base, methodcaller(of, new_speed))
+                    column = self._compared([], [], map(self._fold, stepped))
+                    if np.any(column):
+                        self.skews[method + ending] = column
         self._allow()
 
     def _timed(self, active: Active) -> dict[str, np.ndarray]:
