@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from itertools import pairwise
-from operator import attrgetter, itemgetter
+from operator import attrgetter
 from types import MappingProxyType
 from typing import Self
 
@@ -99,6 +99,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._own: Active = []
         self.made_in_samples = False
         """Whether the log looks as if each sample was one step of an integrator."""
+        self._ways = 1
+        """Methods of integration and lengths of their steps that were tried."""
 
     def _settle(self) -> None:
         """Compute everything that the protocol requires, once the windows are known."""
@@ -158,52 +160,43 @@ class PortEvidence(WindowNoise, Settled, ABC):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
-    def _fitted_beside(self, method: str = "", column: np.ndarray | None = None, least: float = 0.0) -> RobustFit:
-        """Return the fit of all that is free, of methods of integration only one, its step at least so long."""
+    def _fitted_beside(self, step: np.ndarray | None = None, least: float = 0.0) -> RobustFit:
+        """Return the fit of all that is free, of steps of an integrator only some, at least so long."""
         low, high = self.ends
-        on = np.array([name not in METHODS for name in self.free], dtype=bool)
-        z0, low, high, prior = (
-            self.z0 - self.J[:, ~on] @ self.about[~on],
-            low[on],
-            high[on],
-            [TOLERANCE] * int(on.sum()),
-        )
-        if column is not None:
-            column = self._whitening.white(column / self.noise)[:, None]
-        elif method:
-            column = self.J[:, [self.free.index(method)]]
-        if column is None:
-            return solve(z0, self.J[:, on], low, high, self.parts, self.weights, np.array(prior))
-        low, high = np.append(low, least), np.append(high, 1.0)
-        J = np.hstack([self.J[:, on], column])
-        return solve(z0, J, low, high, self.parts, self.weights, np.append(prior, 0.0))
+        steps = np.array([name in METHODS for name in self.free], dtype=bool)
+        z0, J, low, high = self.z0 - self.J[:, steps] @ self.about[steps], self.J[:, ~steps], low[~steps], high[~steps]
+        prior = np.full(len(low), TOLERANCE)
+        if step is not None:
+            J, low, high, prior = np.column_stack([J, step]), [*low, least], [*high, 1.0], np.append(prior, 0.0)
+        return solve(z0, J, np.array(low), np.array(high), self.parts, self.weights, prior)
 
     def _choose_steps(self) -> None:
         """Keep what fits best of methods of integration and lengths of their steps."""
-        found: list[tuple[float, str, np.ndarray, bool]] = []
         every = {name: column for name, column in self.skews.items() if name.removesuffix(WHOLE) in METHODS}
         self._keep_free([name for name in self.free if name not in every])
-        for method in METHODS.keys() & every.keys():
-            first, whole = every[method], every.get(method + WHOLE)
-            for share in np.linspace(0.0, 1.0, 5) if whole is not None else (0.0,):
-                column = first if whole is None else first + share * (whole - first)
-                found.append((self._fitted_beside(column=column).loglik, method, column, share == 1.0))
-        if found:
-            _, method, column, self.made_in_samples = max(found, key=itemgetter(0))
-            self._free_also(method, column)
+        nothing, ways = np.zeros_like(self.noise), list[tuple[float, str, np.ndarray]]()
+        for method in METHODS:
+            first, whole = every.get(method), every.get(method + WHOLE)
+            if whole is not None:
+                first = nothing if first is None else first
+                ways += [(share, method, first + share * (whole - first)) for share in np.linspace(0.0, 1.0, 5)]
+            elif first is not None:
+                ways.append((0.0, method, first))
+        if ways:
+            share, *best = max(ways, key=lambda way: self._fitted_beside(self.white(way[2] / self.noise)).loglik)
+            self._free_also(*best)
+            self.made_in_samples, self._ways = share == 1.0, len(ways)
 
     def _set_steps_aside(self) -> None:
         """Set steps of an integrator aside, unless they explain the log to its noise, and nothing else does."""
-        method = next((name for name in self.free if name in METHODS), "")
-        if not method:
-            return
-        best, least = self._fitted_beside(method), self._fitted_beside()
-        left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-        alone = best.loglik > least.loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
-        whole = alone and self._fitted_beside(method, least=1.0).loglik > best.loglik - LEAST_GAIN
-        self.made_in_samples = self.made_in_samples and whole
-        if not alone:
-            self._set_aside(method)
+        for method in [name for name in self.free if name in METHODS]:
+            step, least = self.J[:, self.free.index(method)], LEAST_GAIN + np.log(self._ways)
+            best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
+            left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
+            alone = best.loglik > without.loglik + least and max(left) <= 1.0 + EXCESS
+            self.made_in_samples = self.made_in_samples and alone and longest.loglik > best.loglik - least
+            if not alone:
+                self._set_aside(method)
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
