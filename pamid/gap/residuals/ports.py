@@ -167,8 +167,9 @@ class PortEvidence(WindowNoise, Settled, ABC):
         z0, J, low, high = self.z0 - self.J[:, steps] @ self.about[steps], self.J[:, ~steps], low[~steps], high[~steps]
         prior = np.full(len(low), TOLERANCE)
         if step is not None:
-            J, low, high, prior = np.column_stack([J, step]), [*low, least], [*high, 1.0], np.append(prior, 0.0)
-        return solve(z0, J, np.array(low), np.array(high), self.parts, self.weights, prior)
+            J, prior = np.column_stack([J, step]), np.append(prior, 0.0)
+            low, high = np.append(low, least), np.append(high, 1.0)
+        return solve(z0, J, low, high, self.parts, self.weights, prior)
 
     def _choose_steps(self) -> None:
         """Keep what fits best of methods of integration and lengths of their steps."""
@@ -183,8 +184,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
             elif first is not None:
                 ways.append((0.0, method, first))
         if ways:
-            share, *best = max(ways, key=lambda way: self._fitted_beside(self.white(way[2] / self.noise)).loglik)
-            self._free_also(*best)
+            share, method, skew = max(ways, key=lambda w: self._fitted_beside(self.white(w[2] / self.noise)).loglik)
+            self._free_also(method, skew)
             self.made_in_samples, self._ways = share == 1.0, len(ways)
 
     def _set_steps_aside(self) -> None:
