@@ -18,13 +18,14 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._answers import compared, each, keep, kept, times_of
-from benchmarks._own import commute, named, practice, right, sensors, shorter, varied
+from benchmarks._own import commute, named, practice, right, sensors, shorter, stepped, varied
 
 SUITES = {
     "commute": commute,
     "library": shorter,
     "sensors": sensors,
     "right": right,
+    "stepped": stepped,
     "named": named,
     "practice": practice,
     "varied": varied,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -37,13 +37,16 @@ def drawn(system: System, rng: np.random.Generator) -> tuple[dict[str, float], d
     return nominal, true, how, str(rng.choice(ways))
 
 
-def solve(number: int, seed: int) -> Record:
+Drawn = Callable[[System, np.random.Generator], tuple[dict[str, float], dict[str, float], Recording, str]]
+
+
+def solve(number: int, seed: int, systems: Sequence[System] = SYSTEMS, draw: Drawn = drawn) -> Record:
     """Return what is said of a case."""
     from pamid.gap import diagnose_simulator
 
-    system = SYSTEMS[number % len(SYSTEMS)]
+    system = systems[number % len(systems)]
     rng = np.random.default_rng([seed, number])
-    nominal, true, how, way = drawn(system, rng)
+    nominal, true, how, way = draw(system, rng)
     for _ in range(DRAWS):
         with np.errstate(all="ignore"):
             x, u = simulated(system, true, how, rng)
@@ -58,7 +61,8 @@ def solve(number: int, seed: int) -> Record:
         found = diagnose_simulator(log, simulator_of(system, nominal, way, Path(folder)), seed=0)
     answer = answer_of(found)
     recorded = f"{way}, {how.integrator}, {'linear' if how.linear and system.loop is None else 'held'}"
-    made = f"{how.runs} x {how.samples} rows, dt {how.dt:g} s, noise x{how.noise:.2g}, step {how.step:g}"
+    by = f" in {how.steps} steps" if how.steps else ""
+    made = f"{how.runs} x {how.samples} rows, dt {how.dt:g} s{by}, noise x{how.noise:.2g}, step {how.step:g}"
     return answer | {
         "right": found.verdict in ("none", "untested"), "said": short(answer), "kind": system.name,
         "integrator": how.integrator, "made": f"{recorded}, {made}, reads {', '.join(readings)}",

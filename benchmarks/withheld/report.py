@@ -54,7 +54,7 @@ ROWS: tuple[Row, ...] = (
     ("region F1, where the gap is over the floor", "–", m.over_floor_f1, lambda v: True, "2"),
     ("coverage of the closed share to within a point", "–", m.covered_nearly, lambda v: True, "%"),
     ("coverage of the amplitude, if pamid's formula is the same", "–", m.amplitude_covered, lambda v: True, "%"),
-    ("confusable pairs, poor excitation: right effect first", "–", m.confusable_first, lambda v: True, "%"),
+    ("confusable effects, poor excitation: right effect first", "–", m.confusable_first, lambda v: True, "%"),
 )  # fmt: skip
 """METHOD's table: figure, what is asked, how it is measured, whether it is met, how it is written."""
 

@@ -121,6 +121,8 @@ def diagnose_evidence(
         def heed(outcome: Outcome, verdict: Verdict) -> None:
             if not isinstance(searched, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
                 return
+            if searched.made_in_samples:  # predictions by exact integration would drift away from it
+                return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
             promising = outcome.best.score - outcome.base.score > searched.least_gain

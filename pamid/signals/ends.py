@@ -1,5 +1,6 @@
 """Readings exactly at the end of a sensor's range."""
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -8,9 +9,10 @@ import numpy as np
 from .stretches import stretches_of
 
 _SELDOM = 0.05
-"""Largest share of equal neighbours elsewhere for which a row of equal readings is significant."""
+"""Share of equal neighbours elsewhere up to which a short row of equal readings is significant."""
 _IN_A_ROW = 4
-"""Consecutive rows at the largest size that are not chance: `_SELDOM` cubed is one in eight thousand."""
+"""Consecutive rows at the largest size that are not chance: `_SELDOM` cubed is one in eight thousand. It takes more of
+them for as small a chance where more neighbours are equal."""
 
 
 class End(NamedTuple):
@@ -39,18 +41,23 @@ def _standing(x: np.ndarray, size: np.ndarray, spans: Sequence[tuple[int, int]])
     """Return the largest end; at the border of a run, or with coarse steps, a reading must stand longer to count."""
     limit = float(np.max(size, initial=0.0))
     at, rows = size == limit, np.zeros(len(x), dtype=bool)
-    least = max([_IN_A_ROW, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])
-    equal, pairs = 0, 0
+    equal, pairs, longest = 0, 0, 0
+    for a, b in spans:
+        alike = (x[a : b - 1] == x[a + 1 : b]) & ~at[a : b - 1]
+        equal += int(np.sum(alike))
+        pairs += int(np.sum(~(at[a : b - 1] & at[a + 1 : b])))
+        longest = max([longest, *(stop - begin + 1 for begin, stop in stretches_of(alike))])
+    share = max(equal, 1) / max(pairs, 1)
+    if not limit > 0.0 or share**2 > _SELDOM:  # coarse readings of a smooth motion stand at its turns
+        return None
+    least = 1 + math.ceil((_IN_A_ROW - 1) * math.log(_SELDOM) / math.log(max(share, _SELDOM)))
+    if share > _SELDOM:  # where readings often repeat, a motion may rest at its largest value, too
+        least = max(least, 2 * longest)
+    least = max([least, *(_longest_turn(x[a:b], float(np.min(x)), float(np.max(x))) + 1 for a, b in spans)])
     for a, b in spans:
         for begin, stop in stretches_of(at[a:b]):
             rows[a + begin : a + stop] = stop - begin >= least and begin > 0 and a + stop < b
-        both = ~(at[a : b - 1] & at[a + 1 : b])
-        equal += int(np.sum((x[a : b - 1] == x[a + 1 : b]) & both))
-        pairs += int(np.sum(both))
-    share = max(equal, 1) / max(pairs, 1)
-    if not rows.any() or not limit > 0.0 or share > _SELDOM:
-        return None
-    return End(limit, rows, float(-np.log(share)))
+    return End(limit, rows, float(-np.log(share))) if rows.any() else None
 
 
 def _longest_turn(x: np.ndarray, least: float, most: float) -> int:

@@ -136,8 +136,10 @@ def counts() -> Iterator[tuple[str, str]]:
     known = len(_models(("speed", "nominal"), 0.0, 0))
     yield "pamid/cli/commands/compare.py", f"For a cylinder or a joint, {WORDS[known]} models are compared:"
     text = page("docs/withheld.md")
-    ((total, parts),) = re.findall(r"([\d,]+) cases \(([^)]*single)\)", text)
-    each = {kind: int(n) for n, kind in re.findall(r"(\d+) ([a-z-]+)", parts)}
+    ((total, parts),) = re.findall(r"([\d,]+) cases, unseen before, [^:]*: (.*?\(\*confusable\*\))", text)
+    words = ("without a gap", "with one effect", "with two", "with a cause that the library lacks", "with one of two")
+    kinds = ("none", "single", "pairs", "off-library", "confusable")
+    each = {kind: int(re.findall(rf"(\d+) {word}\b", parts)[0]) for kind, word in zip(kinds, words, strict=True)}
     assert sum(each.values()) == int(total.replace(",", ""))
     yield "docs/withheld.md", f"| false alarms with no gap | ≤ 1 % | {each['none']} |"
     yield "docs/withheld.md", f"| an off-library effect given a library name | ≤ 5 % | {each['off-library']} |"

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from pamid.gap.residuals.between_rows import SEMI_IMPLICIT
 from pamid.gap.simulated import evidence_of
 from pamid.simulators.mujoco_model import MujocoSimulator
 
@@ -47,4 +48,4 @@ def test_a_log_made_by_the_models_own_steps_has_no_gap(tmp_path, share, speeds) 
     assert all(np.sqrt(np.mean(np.square(left[part]))) < 1.2 for part in evidence.parts)
     if not speeds:
         found = dict(zip(evidence.free, x, strict=True))
-        assert found["step of the integrator"] == pytest.approx(share * 0.004 / DT, abs=0.05)
+        assert found[SEMI_IMPLICIT] == pytest.approx(share * 0.004 / DT, abs=0.05)

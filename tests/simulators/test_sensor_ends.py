@@ -115,3 +115,16 @@ def test_a_reading_with_coarse_steps_is_not_at_its_end_where_it_turns() -> None:
     assert len(largest) >= 4
     assert end_of(x, [(0, 4000)]) is None
     assert end_of(np.clip(x, -1.2, 1.2), [(0, 4000)]) is not None
+
+
+def test_readings_that_repeat_now_and_then_show_their_end_by_standing_there_longer_than_anywhere_else() -> None:
+    t, rng = np.arange(2000) * 5e-3, np.random.default_rng(0)
+    x = np.round((np.sin(9.0 * t) - 0.5 + 0.012 * rng.standard_normal(2000)) / 8e-3) * 8e-3
+    alike = np.mean(np.diff(x) == 0.0)
+    assert 0.05 < alike < 0.2
+    assert end_of(x, [(0, 2000)]) is None
+    end = end_of(np.minimum(x, 0.32), [(0, 2000)])
+    assert end is not None and end.limit == 0.32 and end.side == 1
+    rests = np.repeat(np.round(rng.standard_normal(200), 3), rng.integers(1, 3, 200))  # a motion that often waits
+    rests = np.insert(rests, [50, 120, 200], rests[[50, 120, 200]])
+    assert end_of(np.append(rests, rests[:-1]), [(0, 2 * len(rests) - 1)]) is None

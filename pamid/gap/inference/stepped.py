@@ -1,4 +1,4 @@
-"""Steps of an integrator instead of causes: where some were found, fewer and such steps may explain as much."""
+"""Steps of an integrator beside causes: fewer causes may then explain as much, or the same ones the whole log."""
 
 from collections.abc import Callable
 
@@ -15,7 +15,7 @@ from .sensitivity import Template
 def with_steps(
     competition: Competition, outcome: Outcome, search: Callable[[Competition], Outcome]
 ) -> tuple[Competition, Outcome] | None:
-    """Return the search with such steps as a nuisance if it then needs fewer causes, else None."""
+    """Return the search with such steps as a nuisance if it needs fewer causes or leaves no gap any more, else None."""
     evidence = competition.evidence.stepped() if outcome.best.names else None
     if evidence is None or not _promise(competition, evidence, outcome):
         return None
@@ -24,13 +24,14 @@ def with_steps(
         known[template.effect].append(template)
     again = Competition(evidence, competition.library, competition.say, known)
     found = search(again)
-    fewer = len(found.best.names) < len(outcome.best.names)
+    fewer = len(outcome.best.names) - len(found.best.names)
+    whole = fewer == 0 and again.enough(found.best) and not competition.enough(outcome.best)
     better = again.comparable(found.best) > competition.comparable(outcome.best) + LEAST_GAIN
-    return (again, found) if fewer and better else None
+    return (again, found) if better and (fewer > 0 or whole) else None
 
 
 def _promise(competition: Competition, stepped: ResidualSource, outcome: Outcome) -> bool:
-    """Return whether steps and a part of the causes that were found promise to explain as much, to first order."""
+    """Return whether steps promise to explain as much with fewer causes, or with all of them where a gap is left."""
     free, least = Fitter(stepped), competition.comparable(outcome.best)
 
     def promised(h: Hypothesis) -> float:
@@ -38,5 +39,6 @@ def _promise(competition: Competition, stepped: ResidualSource, outcome: Outcome
         gain = free.promise(h.fit.spec, x) - competition.fitter.promise(h.fit.spec, h.fit.x)
         return competition.comparable(h) + gain
 
+    whole = [] if competition.enough(outcome.best) else [outcome.best]
     parts = (h for h in outcome.refitted if h.names < outcome.best.names)
-    return any(promised(h) > least for h in (outcome.base, *parts))
+    return any(promised(h) > least for h in (outcome.base, *parts, *whole))

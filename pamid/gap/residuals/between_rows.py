@@ -22,6 +22,11 @@ TIMINGS = "timing", "bend", "start"
 """What is not known of an input: when and how it acts within a sample, and what it was before a run."""
 STEPS = "step of the integrator"
 """Name of the parameter: 0 for no step, 1 for one as long as a sample."""
+SEMI_IMPLICIT = f"{STEPS}, semi-implicit"
+"""The same of a method whose positions go with the new speed."""
+METHODS = {STEPS: "Euler's method", SEMI_IMPLICIT: "the semi-implicit Euler method"}
+WHOLE = ", all of it"
+"""Ending of the name of what a step as long as a sample does; the name alone means to first order."""
 OWN_STEP = "step of the model"
 """The same of a model that says its step: 1 for it, -1 for an implicit one."""
 NOTE = "Inputs are interpolated between rows, which explains the log better than holding them over each step does."
@@ -31,11 +36,13 @@ def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:
     """Return a sentence for each step of an integrator that a fit took up; a model's own is known."""
     told = []
     for name, share in deviations.items():
-        if name.startswith(STEPS) and (size := round(share, 2)) > 0.0:
-            day = name.removeprefix(STEPS)
+        method = next((m for m in reversed(METHODS) if name.startswith(m)), None)
+        if method and (size := round(share, 2)) > 0.0:
+            day = name.removeprefix(method)
             told.append(
-                f"The log{day} looks as if it was integrated by Euler's method in steps of {1e3 * share * dt:.2g} ms, "
-                f"{size:g} of a sample. The fit allows for them, and does not call them a cause."
+                f"The log{day} looks as if it was integrated by {METHODS[method]} in steps of "
+                f"{1e3 * share * dt:.2g} ms, {size:g} of a sample. The fit allows for "
+                "them, and does not call them a cause."
             )
     return told
 

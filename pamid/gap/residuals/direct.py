@@ -38,7 +38,7 @@ from ..settings import OF_ITS_OWN
 from .along import changed, wide
 from .balance import Balance
 from .bends import carried, matters, simpson, steps_of
-from .between_rows import after, needed, passed_on, timings
+from .between_rows import after, before, needed, passed_on, timings
 from .derived import speed_slopes, typical_slopes
 from .kinematic import ACCURACY, as_read, bent, both_measured, nuisances
 from .kinks import at_unknown_instants, root_mean_square
@@ -46,7 +46,7 @@ from .motion_rates import MotionRates
 from .port_signals import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints
-from .steps import earlier, within_steps
+from .steps import within_steps
 from .tolerances import rms
 from .turned import Turned, turned
 from .turning import force_at_both_ends
@@ -200,8 +200,8 @@ class DirectEvidence(MotionRates):
             self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
             derived, step = list(self.derived.values()), self.simulator.own_step
             for name, change in within_steps(
-                self._base_rates, self._late, self.simulator.states, derived, self.balances, self.log, step,
-                self._bend, self._implicit(step),
+                self._base_rates, self._late, self._at_once, self.simulator.states, derived, self.balances, self.log,
+                step, self._bend, self._implicit(step),
             ):  # fmt: skip
                 column = self._under(self._u, change) - plain
                 if np.any(column) and np.all(np.isfinite(column)):
@@ -225,8 +225,25 @@ class DirectEvidence(MotionRates):
         return root_mean_square(change, lambda some: self._under(self._u, some) - plain)
 
     def _late(self, late: np.ndarray) -> np.ndarray:
-        """Return the rates of the states as they were some samples earlier."""
-        return self._rates(earlier(self._x, late, self.log), self._u, self._ends(self._u), self.simulator.numbers)
+        """Return the rates of the states as they were some samples earlier, by the model.
+
+        Readings of what happens within a step would have noise that scales the residual's.
+        """
+        x = self._x - late[:, None] * self.log.dt * self._base_rates[:, : self.log.n]
+        return self._rates(x, self._u, self._ends(self._u), self.simulator.numbers)
+
+    def _at_once(self, new_speed: bool) -> np.ndarray:
+        """Return the rates that a step of a whole sample takes; derived speeds are those before it, or in it."""
+        at, p = self._x.copy(), wide(self.simulator.numbers, self.log.n)
+        aside = np.zeros((len(at), 1))
+        for position, velocity in self.derived.items():
+            row, q = self.simulator.states.index(velocity), self.log.channels[position][None]
+            at[row] = (after(q, self.log) - before(q, self.log)) / (2.0 * self.log.dt)
+            aside[row] = (-0.5 if new_speed else 0.5) * self.log.dt
+        rates = self.simulator.rate(self.log.t, at, self._u, p)
+        for _ in range(2):  # exact to second order of the step
+            rates = self.simulator.rate(self.log.t, at + aside * rates, self._u, p)
+        return rates
 
     def _implicit(self, step: float) -> np.ndarray:
         """Return what a model's own steps change in accelerations, for steps of a sample."""

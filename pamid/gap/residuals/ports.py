@@ -26,9 +26,9 @@ from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
-from ..inference.student_t import scale, solve
-from ..settings import DECIDED, EXCESS, LEAST_GAIN
-from .between_rows import NOTE, STEPS
+from ..inference.student_t import RobustFit, scale, solve
+from ..settings import DECIDED, EXCESS, LEAST_GAIN, TOLERANCE
+from .between_rows import METHODS, NOTE, WHOLE
 from .port_signals import UNTURNED, PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
@@ -97,6 +97,10 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._laid: Remembered[np.ndarray] = Remembered(MOST_LAID)
         self._timings: Remembered[dict[str, np.ndarray]] = Remembered(MOST_LAID)
         self._own: Active = []
+        self.made_in_samples = False
+        """Whether the log looks as if each sample was one step of an integrator."""
+        self._ways = 1
+        """Methods of integration and lengths of their steps that were tried."""
 
     def _settle(self) -> None:
         """Compute everything that the protocol requires, once the windows are known."""
@@ -130,13 +134,14 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._draw_noise()
         self._correlate()
         self.z0 = self._whitening.white(self.value / self.noise)
-        straight = self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
+        self.J = self._slopes_at(self._own, np.zeros(len(self.free)), SMALL if self.curved else 1.0)
+        self._choose_steps()
+        straight = self.J
         if self.free and self.refit and not self.folds and self._bends():
             self._begun(straight)
         self.time_jumps()
         self.hear_inputs()
-        if STEPS in self.skews and not self._stepped_alone():
-            self._set_aside(STEPS)
+        self._set_steps_aside()
         if self.lines:
             self.notes.append(NOTE)
 
@@ -155,14 +160,44 @@ class PortEvidence(WindowNoise, Settled, ABC):
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
-    def _stepped_alone(self) -> bool:
-        """Return whether steps of an integrator explain the log to its noise, and something that nothing else does."""
+    def _fitted_beside(self, step: np.ndarray | None = None, least: float = 0.0) -> RobustFit:
+        """Return the fit of all that is free, of steps of an integrator only some, at least so long."""
         low, high = self.ends
-        beside = np.array([name != STEPS for name in self.free])
-        whole = solve(self.z0, self.J, low, high, self.parts, self.weights)
-        less = solve(self.z0, self.J[:, beside], low[beside], high[beside], self.parts, self.weights)
-        left = [scale(whole.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-        return whole.loglik > less.loglik + LEAST_GAIN and max(left) <= 1.0 + EXCESS
+        steps = np.array([name in METHODS for name in self.free], dtype=bool)
+        z0, J, low, high = self.z0 - self.J[:, steps] @ self.about[steps], self.J[:, ~steps], low[~steps], high[~steps]
+        prior = np.full(len(low), TOLERANCE)
+        if step is not None:
+            J, prior = np.column_stack([J, step]), np.append(prior, 0.0)
+            low, high = np.append(low, least), np.append(high, 1.0)
+        return solve(z0, J, low, high, self.parts, self.weights, prior)
+
+    def _choose_steps(self) -> None:
+        """Keep what fits best of methods of integration and lengths of their steps."""
+        every = {name: column for name, column in self.skews.items() if name.removesuffix(WHOLE) in METHODS}
+        self._keep_free([name for name in self.free if name not in every])
+        nothing, ways = np.zeros_like(self.noise), list[tuple[float, str, np.ndarray]]()
+        for method in METHODS:
+            first, whole = every.get(method), every.get(method + WHOLE)
+            if whole is not None:
+                first = nothing if first is None else first
+                ways += [(share, method, first + share * (whole - first)) for share in np.linspace(0.0, 1.0, 5)]
+            elif first is not None:
+                ways.append((0.0, method, first))
+        if ways:
+            share, method, skew = max(ways, key=lambda w: self._fitted_beside(self.white(w[2] / self.noise)).loglik)
+            self._free_also(method, skew)
+            self.made_in_samples, self._ways = share == 1.0, len(ways)
+
+    def _set_steps_aside(self) -> None:
+        """Set steps of an integrator aside, unless they explain the log to its noise, and nothing else does."""
+        for method in [name for name in self.free if name in METHODS]:
+            step, least = self.J[:, self.free.index(method)], LEAST_GAIN + np.log(self._ways)
+            best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
+            left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
+            alone = best.loglik > without.loglik + least and max(left) <= 1.0 + EXCESS
+            self.made_in_samples = self.made_in_samples and alone and longest.loglik > best.loglik - least
+            if not alone:
+                self._set_aside(method)
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
@@ -384,12 +419,15 @@ class PortEvidence(WindowNoise, Settled, ABC):
         """Return this evidence with steps of an integrator free; None where they are, or where there are none."""
         if self._aside is None:
             return None
-        name, skew = self._aside
         other = copy(self)
         other._aside, other._laid = None, Remembered(self._laid.most)  # slopes about effects have a column more
-        other.free, other.about = [*self.free, name], np.append(self.about, 0.0)
-        other.J, other.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
+        other._free_also(*self._aside)
         return other
+
+    def _free_also(self, name: str, skew: np.ndarray) -> None:
+        """Free a nuisance parameter, in which residuals are linear."""
+        self.free, self.about = [*self.free, name], np.append(self.about, 0.0)
+        self.J, self.skews = np.column_stack([self.J, self.white(skew / self.noise)]), {**self.skews, name: skew}
 
     def also_under(self, names: Mapping[str, str]) -> None:
         """Add other names of effects, each with its own."""

@@ -90,13 +90,13 @@ class Response:
         u, added = self._pushed(drive, x)
         return self._asked(x, u, drive.p) + added
 
-    def _asked(self, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
-        """Return the simulator's own rates at mid-step."""
+    def _asked(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, at: float = 0.5) -> np.ndarray:
+        """Return the simulator's own rates within each step, at mid-step if not told otherwise."""
         log, before = self.log, self.before
-        middle = 0.5 * (x[:, before] + x[:, before + 1])
+        middle = (1.0 - at) * x[:, before] + at * x[:, before + 1]
         self.evaluations += 1.0
         with np.errstate(all="ignore"):
-            found = self.simulator.rate(log.t[before] + 0.5 * log.dt, self._own(middle), u, p[:, before])
+            found = self.simulator.rate(log.t[before] + at * log.dt, self._own(middle), u, p[:, before])
         return np.clip(np.nan_to_num(np.vstack([found, middle[list(self.paths.values())]])), -_MOST, _MOST)
 
     def _own(self, x: np.ndarray) -> np.ndarray:
@@ -168,10 +168,21 @@ class Response:
             self._slopes[k] = slope if straight else None
         return self._slopes[k]
 
-    def of_steps(self) -> np.ndarray:
-        """Return by how much the states change with steps of Euler's method, of `SMALL` samples."""
-        late = earlier(self.x, 0.5 * SMALL, self.log)
-        return self._followed(self._rates(self.drive, late) - self.rates, np.zeros((len(self.x), len(self.firsts))))
+    def of_steps(self, new_speed: Sequence[int] = ()) -> np.ndarray:
+        """Return by how much the states change with steps of Euler's method, for a whole sample to first order.
+
+        Rows of ``new_speed`` are positions that go with the speed at the end of a step.
+        """
+        late, early = (self._rates(self.drive, earlier(self.x, by, self.log)) for by in (0.5 * SMALL, -0.5 * SMALL))
+        late[list(new_speed)] = early[list(new_speed)]
+        return self._followed((late - self.rates) / SMALL, np.zeros((len(self.x), len(self.firsts))))
+
+    def of_whole_steps(self, new_speed: Sequence[int] = ()) -> np.ndarray:
+        """Return the same, not only to first order, if each sample is one step."""
+        first, last = (self._asked(self.x, self._base[0], self.drive.p, at) for at in (0.0, 1.0))
+        first[list(new_speed)] = last[list(new_speed)]
+        change = first + self._base[1] - np.diff(self.x)[:, self.before] / self.log.dt
+        return self._followed(change, np.zeros((len(self.x), len(self.firsts))))
 
     def of_start(self, state: int) -> np.ndarray:
         """Return by how much the states change for a unit of an initial state, shape (n_states, n)."""

@@ -17,6 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
+from operator import methodcaller
 from typing import NamedTuple
 
 import numpy as np
@@ -30,7 +31,7 @@ from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
-from .between_rows import STEPS, needed, timings
+from .between_rows import SEMI_IMPLICIT, STEPS, WHOLE, needed, timings
 from .influence import Influence
 from .port_signals import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
@@ -38,7 +39,7 @@ from .protocol import Active, Spec
 from .response import Drive
 from .states import integral, roles_of
 from .stretches import ROUNDS, SHORTEST, StretchEvidence
-from .tolerances import SMALL, rms, typical
+from .tolerances import rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
 UNSURE = 4.0
@@ -143,9 +144,9 @@ class ShootingEvidence(PredictedEvidence):
         self._states, _ = self._simulate(self._x0, self._u, p, [])
         at = some_instants(log.n)
         x, u = self._states[:, at], self._u[:, at]
-        pairs = kinematic_pairs(simulator, log.t[at], x, u)
+        self._pairs = kinematic_pairs(simulator, log.t[at], x, u)
         self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
-        self.joints = joints_of(simulator, pairs, self.pushes)
+        self.joints = joints_of(simulator, self._pairs, self.pushes)
         self._responses.clear()  # those of the start know no path of a joint
         self.feeds = fed_by(simulator, log.t[at], x, u)
         self._rates = simulator.rate(log.t, self._states, self._u, p)
@@ -183,10 +184,13 @@ class ShootingEvidence(PredictedEvidence):
         base = self._drive([], self.simulator.numbers)
         self.skews |= needed(self._timed(self._own), self._u, self.simulator.inputs, self.log)
         if self.simulator.form == "ode":
-            by_euler = self._responded(self._x0, base, base, lambda response: response.of_steps())
-            column = self._compared([], [], map(self._fold, by_euler)) / SMALL
-            if np.any(column):
-                self.skews[STEPS] = column
+            positions = [self.simulator.states.index(position) for position in self._pairs]
+            for method, new_speed in {STEPS: [], **({SEMI_IMPLICIT: positions} if positions else {})}.items():
+                for of, ending in (("of_steps", ""), ("of_whole_steps", WHOLE)):
+                    stepped = self._responded(self._x0, base, base, methodcaller(of, new_speed))
+                    column = self._compared([], [], map(self._fold, stepped))
+                    if np.any(column):
+                        self.skews[method + ending] = column
         self._allow()
 
     def _timed(self, active: Active) -> dict[str, np.ndarray]:

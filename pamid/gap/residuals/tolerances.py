@@ -17,7 +17,7 @@ from ...simulators.placement import Placement
 from ..inference.descent import Bounds, Prior, descend
 from ..inference.student_t import loglik, solve
 from ..settings import TOLERANCE
-from .between_rows import STEPS, TIMINGS
+from .between_rows import METHODS, TIMINGS
 from .port_signals import PortSignals
 from .protocol import Active, Spec
 from .whitening import Whitening
@@ -110,7 +110,7 @@ class Tolerances(PortSignals, ABC):
     @property
     def ends(self) -> tuple[np.ndarray, np.ndarray]:
         """The lowest and highest deviations of the free parameters; an integrator's step is never negative."""
-        return np.where([name == STEPS for name in self.free], 0.0, -1.0) - self.about, 1.0 - self.about
+        return np.where([name in METHODS for name in self.free], 0.0, -1.0) - self.about, 1.0 - self.about
 
     def _named(self, x: np.ndarray) -> dict[str, float]:
         """Return deviations by the names of their parameters."""
