@@ -90,7 +90,7 @@ def evidence_of(
             found, derived = by_position, by_position.derived
     if in_lines(found):
         straight = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
-        found = straight if lines or straight.without_causes().loglik > found.without_causes().loglik else found
+        found = straight if lines or straight.without_steps().loglik > found.without_steps().loglik else found
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other

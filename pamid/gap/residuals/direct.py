@@ -46,7 +46,7 @@ from .motion_rates import MotionRates
 from .port_signals import PortWindows
 from .protocol import Active
 from .states import integral, pairs_of, resting_joints
-from .steps import within_steps
+from .steps import earlier, within_steps
 from .tolerances import rms
 from .turned import Turned, turned
 from .turning import force_at_both_ends
@@ -225,11 +225,15 @@ class DirectEvidence(MotionRates):
         return root_mean_square(change, lambda some: self._under(self._u, some) - plain)
 
     def _late(self, late: np.ndarray) -> np.ndarray:
-        """Return the rates of the states as they were some samples earlier, by the model.
+        """Return the rates of the states as they were some samples earlier.
 
-        Readings of what happens within a step would have noise that scales the residual's.
+        Readings of what happens within a step have noise that scales the residual's: the model tells it, unless its
+        steps count beside causes without which it is far off.
         """
-        x = self._x - late[:, None] * self.log.dt * self._base_rates[:, : self.log.n]
+        if self.simulator.own_step > 0.0:
+            x = earlier(self._x, late, self.log)
+        else:
+            x = self._x - late[:, None] * self.log.dt * self._base_rates[:, : self.log.n]
         return self._rates(x, self._u, self._ends(self._u), self.simulator.numbers)
 
     def _at_once(self, new_speed: bool) -> np.ndarray:

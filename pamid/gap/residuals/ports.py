@@ -153,18 +153,28 @@ class PortEvidence(WindowNoise, Settled, ABC):
             self.simulator.any_step and np.any(self.without_causes().scales > 1.0 + EXCESS)
         ):
             return False  # it takes several runs, where there is something to explain
-        z1 = self.z0 + self._whitening.white(self._with_lines() / self.noise)
-        return self._fitted(z1).loglik > self.without_causes().loglik + LEAST_GAIN
+        change = self._whitening.white(self._with_lines() / self.noise)
+        return self.without_steps(change).loglik > self.without_steps().loglik + LEAST_GAIN
+
+    def without_steps(self, change: np.ndarray | float = 0.0) -> RobustFit:
+        """Return the fit without causes and without steps of an integrator, of residuals changed by so much.
+
+        Steps that go with the new speed act like inputs that come earlier, as inputs in lines do.
+        """
+        return self._fitted_beside(change=change)
 
     @abstractmethod
     def _with_lines(self) -> np.ndarray:
         """Return the change of the residuals by inputs that go straight from row to row, to first order."""
 
-    def _fitted_beside(self, step: np.ndarray | None = None, least: float = 0.0) -> RobustFit:
+    def _fitted_beside(
+        self, step: np.ndarray | None = None, least: float = 0.0, change: np.ndarray | float = 0.0
+    ) -> RobustFit:
         """Return the fit of all that is free, of steps of an integrator only some, at least so long."""
         low, high = self.ends
         steps = np.array([name in METHODS for name in self.free], dtype=bool)
-        z0, J, low, high = self.z0 - self.J[:, steps] @ self.about[steps], self.J[:, ~steps], low[~steps], high[~steps]
+        z0, J = self.z0 + change - self.J[:, steps] @ self.about[steps], self.J[:, ~steps]
+        low, high = low[~steps], high[~steps]
         prior = np.full(len(low), TOLERANCE)
         if step is not None:
             J, prior = np.column_stack([J, step]), np.append(prior, 0.0)

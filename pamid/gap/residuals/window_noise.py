@@ -181,7 +181,8 @@ class WindowNoise(Tolerances, ABC):
         """Count as noise that jumps of inputs come at unknown instants between two rows.
 
         Where rows were interpolated, no simulator knows. Where they were read, only a simulator of whole runs says
-        nothing of what it makes of inputs between rows: then residuals have to show it.
+        nothing of what it makes of inputs between rows: then residuals have to show it, and nothing else. A lag of an
+        input, too, shows after its jumps.
         """
         if self.simulator.form not in ("run", "ode"):
             return
@@ -194,7 +195,8 @@ class WindowNoise(Tolerances, ABC):
             self._open_instants(jump, np.zeros_like(off))
             louder = np.log(self.noise / noise)
             cost = sum(w * np.sum(louder[p]) for w, p in zip(self.weights, self.parts, strict=True))
-            if self.without_causes().loglik - cost <= before.loglik + LEAST_GAIN:
+            after = self.without_causes()
+            if np.any(after.scales > 1.0 + EXCESS) or after.loglik - cost <= before.loglik + LEAST_GAIN:
                 self._leave_open(least)
                 self._opened = self._opened[:-1]
         if self._unresolved is not known:
