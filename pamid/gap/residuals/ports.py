@@ -28,7 +28,7 @@ from ...simulators.sizes import SignalSizes
 from ...simulators.structure import JointPort, some_instants
 from ..inference.student_t import RobustFit, scale, solve
 from ..settings import DECIDED, EXCESS, LEAST_GAIN, TOLERANCE
-from .between_rows import METHODS, NOTE, WHOLE
+from .between_rows import METHODS, NOTE, STEPS, WHOLE
 from .port_signals import UNTURNED, PortWindows
 from .protocol import Active, Spec
 from .repeats import pieces
@@ -99,6 +99,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
         self._own: Active = []
         self.made_in_samples = False
         """Whether the log looks as if each sample was one step of an integrator."""
+        self._little: np.ndarray | None = None
+        """What steps of Euler's method change, to first order."""
         self._ways = 1
         """Methods of integration and lengths of their steps that were tried."""
 
@@ -197,6 +199,7 @@ class PortEvidence(WindowNoise, Settled, ABC):
             share, method, skew = max(ways, key=lambda w: self._fitted_beside(self.white(w[2] / self.noise)).loglik)
             self._free_also(method, skew)
             self.made_in_samples, self._ways = share == 1.0, len(ways)
+            self._little = every.get(STEPS)
 
     def _set_steps_aside(self) -> None:
         """Set steps of an integrator aside, unless they explain the log to its noise, and nothing else does."""
@@ -205,9 +208,12 @@ class PortEvidence(WindowNoise, Settled, ABC):
             best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
             left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
             alone = best.loglik > without.loglik + least and max(left) <= 1.0 + EXCESS
-            self.made_in_samples = self.made_in_samples and alone and longest.loglik > best.loglik - least
+            whole = self.made_in_samples
+            self.made_in_samples = whole and alone and longest.loglik > best.loglik - least
             if not alone:
                 self._set_aside(method)
+                if not whole and self._little is not None:  # without causes, little tells methods apart
+                    self._aside = STEPS, self._little
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
