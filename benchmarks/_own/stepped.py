@@ -20,7 +20,7 @@ COARSE = tuple(s for s in SYSTEMS if s.euler is not None)
 
 
 def coarse(system: System, rng: np.random.Generator) -> tuple[dict[str, float], dict[str, float], Recording, str]:
-    """Return a case whose log is made in as few steps as follow the motion at all, one to four a sample."""
+    """Return a case whose log is made in as few steps as follow the motion, one to eight a sample, else fine ones."""
     nominal, true, how, way = drawn(system, rng)
     method, seed = str(rng.choice(["euler", "semi-implicit"])), int(rng.integers(2**31))
     for steps in (1, 2, 4, 8):
