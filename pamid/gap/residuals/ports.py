@@ -56,6 +56,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
     """Any model may be wrong in several small ways at once."""
     bends = True
     """Whether residuals are no sums of what effects do one by one: large ones are refitted before they are ranked."""
+    rough = False
+    """Whether changes are differences of whole runs of somebody's code, which may stick, switch or take steps."""
     overlap = 3
     """A reading is in two windows by the test functions, and in a third by rates of its neighbours."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
