@@ -208,14 +208,18 @@ class PortEvidence(WindowNoise, Settled, ABC):
         for method in [name for name in self.free if name in METHODS]:
             step, least = self.J[:, self.free.index(method)], LEAST_GAIN + np.log(self._ways)
             best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
-            left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-            alone = best.loglik > without.loglik + least and max(left) <= 1.0 + EXCESS
+            told = best.loglik > without.loglik + least and self._most_left(best) <= 1.0 + EXCESS
+            alone = told and self._most_left(without) > 1.0 + EXCESS
             whole = self.made_in_samples
             self.made_in_samples = whole and alone and longest.loglik > best.loglik - least
             if not alone:
                 self._set_aside(method)
-                if not whole and self._little is not None:  # without causes, little tells methods apart
+                if not (whole or told) and self._little is not None:  # without causes, little tells methods apart
                     self._aside = STEPS, self._little
+
+    def _most_left(self, fit: RobustFit) -> float:
+        """Return the scale of the equation of which a fit surely leaves most, in its noise."""
+        return max(scale(fit.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts)
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""
