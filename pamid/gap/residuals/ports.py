@@ -208,8 +208,9 @@ class PortEvidence(WindowNoise, Settled, ABC):
         for method in [name for name in self.free if name in METHODS]:
             step, least = self.J[:, self.free.index(method)], LEAST_GAIN + np.log(self._ways)
             best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
-            told = best.loglik > without.loglik + least and self._most_left(best) <= 1.0 + EXCESS
-            alone = told and self._most_left(without) > 1.0 + EXCESS
+            told = best.loglik > without.loglik + least and self._to_the_noise(best)
+            # Noise in modelled rates makes exact logs look as if made in steps, too.
+            alone = told and (bool(np.any(without.scales > 1.0)) or not self._noise_pulls())
             whole = self.made_in_samples
             self.made_in_samples = whole and alone and longest.loglik > best.loglik - least
             if not alone:
@@ -217,9 +218,15 @@ class PortEvidence(WindowNoise, Settled, ABC):
                 if not (whole or told) and self._little is not None:  # without causes, little tells methods apart
                     self._aside = STEPS, self._little
 
-    def _most_left(self, fit: RobustFit) -> float:
-        """Return the scale of the equation of which a fit surely leaves most, in its noise."""
-        return max(scale(fit.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts)
+    def _noise_pulls(self) -> bool:
+        """Return whether noise in modelled rates moves the free parameters: not in what is predicted."""
+        return False
+
+    def _to_the_noise(self, fit: RobustFit) -> bool:
+        """Return whether a fit leaves no more than the noise in any equation, as far as its windows can tell."""
+        counts = [max(part.stop - part.start, 1) for part in self.parts]
+        left = [scale(fit.z[part], 0.0) for part in self.parts]
+        return bool(np.all(np.array(left) <= 1.0 + EXCESS + np.sqrt(2.0 / np.array(counts))))
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""

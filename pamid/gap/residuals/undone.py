@@ -33,7 +33,7 @@ from ...equations.windows import average
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.placement import Placement
-from ..settings import TOLERANCE
+from ..settings import LEAST_GAIN, TOLERANCE
 from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
@@ -113,6 +113,11 @@ class UndoneEvidence(PortEvidence, ABC):
         alone = np.square(pull) / np.maximum(np.diag(information), 1e-300)
         together = pull @ np.linalg.solve(information + TOLERANCE * np.eye(len(pull)), pull)
         return 0.5 * float(np.max(alone, initial=0.0)), 0.5 * float(together)
+
+    def _noise_pulls(self) -> bool:
+        found = max(self.pulled) > LEAST_GAIN
+        del self.pulled  # what is free changes
+        return found
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return the relative width of the noise under effects that filter it or follow it; None without any."""
