@@ -158,7 +158,10 @@ class PortEvidence(WindowNoise, Settled, ABC):
         ):
             return False  # it takes several runs, where there is something to explain
         change = self._whitening.white(self._with_lines() / self.noise)
-        return self.without_steps(change).loglik > self.without_steps().loglik + LEAST_GAIN
+        held, straight = self.without_steps(), self.without_steps(change)
+        # What is left of a gap lasts, so that it says less; once the causes are known, it is asked again.
+        least = LEAST_GAIN if self._to_the_noise(straight) else DECIDED
+        return straight.loglik > held.loglik + least
 
     def without_steps(self, change: np.ndarray | float = 0.0) -> RobustFit:
         """Return the fit without causes and without steps of an integrator, of residuals changed by so much.
