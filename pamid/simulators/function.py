@@ -317,7 +317,7 @@ def _fill(
     arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]], rows: Any,
 ) -> None:  # fmt: skip
     """Write a user's answer for some instants."""
-    some = [(given[:, rows], labels) for given, labels in arguments]
+    some = [(given[:, rows] if given.ndim > 1 else given, labels) for given, labels in arguments]
     answer = _in_order(_silently(function, None if t is None else t[rows], some), names)
     if type(answer) in (list, tuple) and len(answer) == len(names):
         with contextlib.suppress(TypeError, ValueError):  # reported below
