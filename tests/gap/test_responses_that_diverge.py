@@ -14,8 +14,9 @@ def test_a_response_is_finite_where_an_effect_drives_a_run_beyond_all_numbers():
     force = np.sin(3.0 * t)
     log = pd.DataFrame({"time": t, "force": force, "y": 0.01 * force})
     ports = [Port("force", "input", "N"), Port("y", "output", "m"), Port("x", "state", "m"), Port("v", "state", "m/s")]
+    ports.append(Port("push", "state", "N"))
     simulator = FunctionSimulator(
-        lambda t, x, u, p: [x.v, (u.force - p.k * x.x - 2.0 * x.v) / 1.5],
+        lambda t, x, u, p: [x.v, (x.push - p.k * x.x - 2.0 * x.v) / 1.5, 5.0 * (u.force - x.push)],
         ports, {"k": (80.0, 0.1, "N/m")}, output=lambda t, x, u, p: [x.x],
     )  # fmt: skip
     evidence = ShootingEvidence(port_log(log, simulator), simulator)
