@@ -126,7 +126,7 @@ def diagnose_evidence(
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
-            if any(searched.drowns(spec, True) for spec in about_as_good(outcome)):
+            if any(map(searched.hides, about_as_good(outcome))):
                 raise UnjudgedError(UNSEEN)
             promising = outcome.best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
@@ -163,9 +163,9 @@ def in_question(outcome: Outcome) -> list[Spec]:
 
 
 def about_as_good(outcome: Outcome) -> list[Spec]:
-    """Return the sets of effects that leave less than twice what the best one leaves, if that is a gap."""
+    """Return the sets that leave less than twice what the best one leaves, if that is as much as the noise or more."""
     best = outcome.best.left
-    return [h.fit.spec for h in outcome.refitted if np.any(best > 1.0 + EXCESS) and np.all(h.left <= 2.0 * best)]
+    return [h.fit.spec for h in outcome.refitted if np.any(best > np.sqrt(2.0)) and np.all(h.left <= 2.0 * best)]
 
 
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:

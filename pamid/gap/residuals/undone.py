@@ -141,11 +141,18 @@ class UndoneEvidence(PortEvidence, ABC):
             parts.append(np.concatenate([average(rate, self.n, b.order + 1, first) for rate, first in runs]))
         return self._whitening.white(self._as_tested(parts) / self.noise)
 
-    def drowns(self, spec: Spec, forces: bool = False) -> bool:
-        """Return whether undoing faults of readings, or all effects, adds more noise to an equation than there is."""
-        some = spec if forces else {k: v for k, v in spec.items() if self.placements[k].enters == "output"}
-        grown = self.widening(some) if some else None
+    def drowns(self, spec: Spec) -> bool:
+        """Return whether undoing faults of readings adds more noise to an equation than the readings bring."""
+        faults = {k: v for k, v in spec.items() if self.placements[k].enters == "output"}
+        grown = self.widening(faults) if faults else None
         return grown is not None and max(rms(grown[part]) for part in self.parts) > np.sqrt(2.0)
+
+    def hides(self, spec: Spec) -> bool:
+        """Return whether effects do so in a quarter of the windows, too many for a robust fit to leave them aside."""
+        grown = self.widening(spec)
+        return grown is not None and any(
+            np.quantile(grown[p], 0.75) > np.sqrt(2.0) for p in self.parts if len(grown[p])
+        )
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return the growth of noise over that of motion under effects; None where none changes it."""
