@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 DROWNED = (
     "Readings were predicted instead: in the equations, undoing a sensor's fault would hide the rest in its noise."
 )
+UNSEEN = "Readings were predicted instead: in the equations, noise in the readings hides how a force acts."
 BURIED = "Readings were predicted instead: in each of the equations, the gap is smaller than the noise."
 
 
@@ -125,6 +126,8 @@ def diagnose_evidence(
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
+            if any(map(searched.hides, about_as_good(outcome))):
+                raise UnjudgedError(UNSEEN)
             promising = outcome.best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
                 raise UnjudgedError(BURIED)
@@ -157,6 +160,12 @@ def in_question(outcome: Outcome) -> list[Spec]:
     best = outcome.best
     closed = [h.fit.spec for h in outcome.refitted if h is not best and np.all(h.left <= 1.0 + EXCESS)]
     return [best.fit.spec, *(closed if np.any(best.left > 1.0 + EXCESS) else [])]
+
+
+def about_as_good(outcome: Outcome) -> list[Spec]:
+    """Return the sets that leave less than twice what the best one leaves, if that is as much as the noise or more."""
+    best = outcome.best.left
+    return [h.fit.spec for h in outcome.refitted if np.any(best > np.sqrt(2.0)) and np.all(h.left <= 2.0 * best)]
 
 
 def told(found: Diagnosis, evidence: PortEvidence, source: StackedEvidence | None = None) -> Diagnosis:

@@ -19,11 +19,11 @@ from ..fitting.grouped_ridge import grouped_ridge
 from ..signals.recursion import past
 from ..signals.thinning import spaced
 from .inference.discrepancy import AGES
+from .inference.floor import FOLDS
 
 _COSINES = 120
 _RIDGES = (0.01, 0.1, 1.0, 10.0, 1e2, 1e3, 1e4)
 _ROWS = 20_000  # rows that weights are fitted to
-_FOLDS = 5
 
 Model = dict[str, np.ndarray]
 """A fitted remainder, arrays by name."""
@@ -42,7 +42,7 @@ def learn(signals: Mapping[str, np.ndarray], left: np.ndarray, codes: np.ndarray
     B, r = _basis(model, S[rows]), left[rows]
     names, fold = np.unique(codes[rows], return_inverse=True)
     # One run carries no information about others: its parts replace them.
-    fold = fold % _FOLDS if len(names) > 2 else (2 * _FOLDS * np.arange(len(rows)) // len(rows)) % _FOLDS
+    fold = fold % FOLDS if len(names) > 2 else (2 * FOLDS * np.arange(len(rows)) // len(rows)) % FOLDS
     fit = grouped_ridge(B, r, fold, _RIDGES)
     model["share"], model["weights"] = np.array(fit.share), fit.weights
     return model

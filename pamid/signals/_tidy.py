@@ -72,6 +72,7 @@ def tidy(
     columns: dict[str, np.ndarray] = {}
     unchecked: set[str] = set()
     for signal, how in signals.items():
+        how = _as_meant(signal, how, mapping)
         values = numbers_of(raw.iloc[:, places[signal]], signal, path)
         if how.allowed is not None:
             keep &= np.isin(values, how.allowed)
@@ -257,10 +258,18 @@ def _zero(zero_run: pd.DataFrame | None, position: int, signal: str, path: Path,
     return float(np.nanmean(zero_run.iloc[:, position].to_numpy(dtype=float)))
 
 
+def _as_meant(signal: str, how: SignalMapping, mapping: LogMapping) -> SignalMapping:
+    """Return how to read a signal; a simulator's port may have the name of another quantity, such as a torque T."""
+    unit, known = UNITS.get(unit_name(mapping.own.get(signal, "")) or ""), dimension_of(signal)
+    other = unit is not None and known is not None and unit.dimension != known
+    return replace(how, own=True) if other else how
+
+
 def to_si(
-    values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], ambient: float, path: Path
-) -> np.ndarray:
-    """Return a column's values in SI, as its mapping says."""
+    values: np.ndarray, signal: str, how: SignalMapping, constants: dict[str, float], ambient: float, path: Path,
+    own: bool = False,
+) -> np.ndarray:  # fmt: skip
+    """Return a column's values in SI, as its mapping says; an absolute pressure of one's `own` simulator stays so."""
     unit = how.si_unit(signal)
     if how.offset:
         values = values + how.offset
@@ -287,7 +296,7 @@ def to_si(
         source_gauge, wants_gauge = how.is_gauge(signal), is_gauge_name(signal)
         if source_gauge and not wants_gauge:
             return values + ambient
-        if wants_gauge and not source_gauge:
+        if wants_gauge and not source_gauge and not own:
             return values - ambient
     return values
 
@@ -303,7 +312,7 @@ def as_wanted(
             how = replace(how, unit=None)
         else:
             offset, factor = unit.offset, unit.factor
-    found = to_si(values, signal, how, constants, mapping.ambient_pressure, path)
+    found = to_si(values, signal, how, constants, mapping.ambient_pressure, path, signal in mapping.own)
     return (found - offset) / factor if (offset, factor) != (0.0, 1.0) else found
 
 

@@ -63,7 +63,7 @@ def screen(
     changed: dict[str, np.ndarray] = {}
     for signal in (str(c) for c in frame.columns if c not in ("trajectory", "time")):
         values = frame[signal].to_numpy(dtype=float)
-        bad = impossible(signal, values, ambient_pressure)
+        bad = impossible("" if signal in skip else signal, values, ambient_pressure)  # a user's T may be a torque
         if bad.any():
             notes.note(signal, "impossible", frame, bad, MISSING, origin)
             if nan == "raise":

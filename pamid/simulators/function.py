@@ -26,9 +26,12 @@ from ..errors import (
     UnknownOptionError,
 )
 from .base import Simulator
+from .branches import Instants, ManyWaysError, Parting, by_branches
 from .elementwise import elementwise, has_no_value
 from .ports import ModelParameter, Port, Values
 
+_WORTH = 8
+"""Instants in a part from which asking for them at once is faster than one by one."""
 _FORMS = ("ode", "algebraic", "run")
 
 
@@ -93,6 +96,7 @@ class FunctionSimulator(Simulator):
             )
         self._fast: dict[str, bool] = {}
         self._answered: set[str] = set()
+        self._ways: dict[str, int] = {}
         self._each: dict[str, Callable[..., Any]] = {}
         """Functions that are asked at many instants in place of those that take one alone."""
         self.output_source, self.folder = "", Path()
@@ -134,10 +138,12 @@ class FunctionSimulator(Simulator):
         n = arguments[0][0].shape[1]
 
         def at(k: Any, function: Callable[..., Any] = function) -> np.ndarray:
-            some = [(rows[:, k], labels) for rows, labels in arguments]
+            some, when = [(rows[:, k], labels) for rows, labels in arguments], None if t is None else t[k]
             if np.ndim(k):
-                return _rows(_silently(function, None if t is None else t[k], some), names, function)
-            one = functools.partial(_silently, function, None if t is None else t[k], some)
+                out = np.empty((len(names), len(k)))
+                by_branches(functools.partial(_fill, out, names, function, when, some), len(k), len(k))
+                return out
+            one = functools.partial(_silently, function, when, some)
             return np.asarray(self._defined(what, names, one, function))
 
         if n == 0:
@@ -149,16 +155,10 @@ class FunctionSimulator(Simulator):
             if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
                 fast = self._fast[what] = True
                 self._each[what] = each
-        answer = self._for_all(what, names, function, t, arguments) if fast else None
-        if answer is not None:
-            if type(answer) in (list, tuple) and len(answer) == len(names):
-                out = np.empty((len(names), n))
-                with contextlib.suppress(TypeError, ValueError):  # reported below
-                    for row, values in zip(out, answer, strict=True):
-                        row[:] = _real(values)
-                    return out
-            out = _rows(answer, names, function)
-            return np.broadcast_to(out if out.ndim > 1 else out[:, None], (len(names), n)).astype(float)
+        if fast and n > _WORTH * (self._ways.get(what, 1) - 1):
+            answer = self._for_all(what, names, function, t, arguments)
+            if answer is not None:
+                return answer
         out = np.empty((len(names), n))
         times, columns = [()] * n if t is None else [(one,) for one in t], [np.array(rows.T) for rows, _ in arguments]
         labels = [given for _, given in arguments]
@@ -171,15 +171,29 @@ class FunctionSimulator(Simulator):
     def _for_all(
         self, what: str, names: tuple[str, ...], function: Callable[..., Any], t: np.ndarray | None,
         arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]],
-    ) -> Any:  # fmt: skip
-        """Return what a function answers for all instants in one call; None where that fails at some of them."""
+    ) -> np.ndarray | None:  # fmt: skip
+        """Return a function's numbers at all instants, asked at once; None where that fails at some of them."""
+        out = np.empty((len(names), n := arguments[0][0].shape[1]))
+
+        def asked(function: Callable[..., Any]) -> np.ndarray:
+            filled = functools.partial(_fill, out, names, function, t, arguments)
+            self._ways[what] = by_branches(filled, n, max(n // _WORTH, 2))
+            return out
+
+        each = self._each.get(what)
         try:
-            return _in_order(_silently(self._each.get(what, function), t, arguments), names)
+            return asked(each or function)
         except SimulatorRunError as error:
+            if isinstance(error.__cause__, TypeError):  # a branch that was not asked before takes one instant at a time
+                self._fast[what] = False
+                return None
             if not has_no_value(error.__cause__):
                 raise
             self.undefined, each = str(error.found), elementwise(function, or_nan=True)
-            return None if each is None else _in_order(_silently(each, t, arguments), names)
+            return None if each is None else asked(each)
+        except ManyWaysError:
+            self._ways[what] = n
+            return None
 
     def _defined(
         self, what: str, names: tuple[str, ...], asked: Callable[[], Any], function: Callable[..., Any],
@@ -267,7 +281,7 @@ def ask_function(function: Callable[..., Any], *given: Any, returns: str = "numb
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):  # a function may set both, for pamid too
             return function(*given)
-    except (PamidError, MemoryError, KeyboardInterrupt):
+    except (PamidError, MemoryError, KeyboardInterrupt, Parting):
         raise
     except BaseException as error:  # a function may raise a class of its own below it
         trace = error.__traceback__.tb_next if error.__traceback__ else None
@@ -291,9 +305,27 @@ def _said(error: BaseException) -> str:
 
 def _silently(function: Callable[..., Any], t: Any, arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]]) -> Any:
     """Call a user's function with numbers by name; non-finite values are checked later."""
+    kind = Instants if arguments[0][0].ndim > 1 else None
     # Copies: a function may keep or overwrite what it is given.
-    given = [Values.of(np.array(rows), labels) for rows, labels in arguments]
-    return ask_function(function, *given) if t is None else ask_function(function, np.array(t)[()], *given)
+    given = [Values.of(np.array(rows), labels, kind) for rows, labels in arguments]
+    when = None if t is None else np.array(t) if kind is None else np.array(t).view(kind)
+    return ask_function(function, *given) if when is None else ask_function(function, when[()], *given)
+
+
+def _fill(
+    out: np.ndarray, names: tuple[str, ...], function: Callable[..., Any], t: np.ndarray | None,
+    arguments: Sequence[tuple[np.ndarray, tuple[str, ...]]], rows: Any,
+) -> None:  # fmt: skip
+    """Write a user's answer for some instants."""
+    some = [(given[:, rows] if given.ndim > 1 else given, labels) for given, labels in arguments]
+    answer = _in_order(_silently(function, None if t is None else t[rows], some), names)
+    if type(answer) in (list, tuple) and len(answer) == len(names):
+        with contextlib.suppress(TypeError, ValueError):  # reported below
+            for row, values in zip(out, answer, strict=True):
+                row[rows] = _real(values)
+            return
+    found = _rows(answer, names, function)
+    out[:, rows] = np.broadcast_to(found if found.ndim > 1 else found[:, None], (len(names), some[0][0].shape[1]))
 
 
 def written_source(source: str, home: Path, folder: Path) -> str:

@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from .branches import Instants
 
-class AtEachInstant(np.ndarray):
+
+class AtEachInstant(Instants):
     """Numbers, vectors or matrices at many instants, the last axis; products are those of each instant."""
 
     def __matmul__(self, other: Any) -> Any:

@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from pamid.gap.diagnosis import remainder
+from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.gap.simulated import evidence_of
-from pamid.simulators import EquationSimulator, Port
+from pamid.simulators import EquationSimulator, FunctionSimulator, Port
+from pamid.simulators.port_log import port_log
 
 
 def tanks(gain: float) -> pd.DataFrame:
@@ -39,3 +41,28 @@ def test_states_within_a_system_tell_nothing(monkeypatch: pytest.MonkeyPatch) ->
     assert {"u0", "x0"} <= set(evidence.told("y0"))
     monkeypatch.setattr(EquationSimulator, "hidden_states", ("x0", "x1"))
     assert set(evidence.told("y0")) == {"u0", "y0"}
+
+
+def test_a_hidden_state_that_takes_up_a_gap_tells_no_place():
+    rng, t = np.random.default_rng(8), np.arange(0.0, 200.0, 0.2)
+    current = np.repeat(rng.uniform(-4.0, 8.0, 50), 20)
+
+    def rates(t, x, u, p):
+        return [-u.current / 9000.0, (0.015 * u.current - x.v1) / 13.5]
+
+    def terminal(t, x, u, p):
+        return {"voltage": 3.2 + 0.75 * x.soc - p.R0 * u.current - x.v1}
+
+    soc, v1, voltage = 0.85, 0.0, []
+    for i in current:
+        voltage.append(3.2 + 0.75 * soc - 0.06 * i - v1)
+        soc, v1 = soc - 0.2 * i / 9000.0, v1 + (1.0 - np.exp(-0.2 / 13.5)) * (0.015 * i - v1)
+    log = pd.DataFrame({"time": t, "current": current, "voltage": voltage + 0.0003 * rng.standard_normal(len(t))})
+    ports = [Port("current", "input", "A"), Port("voltage", "output", "V"),
+             Port("soc", "state", "-", start=0.85), Port("v1", "state", "V")]  # fmt: skip
+    wrong, right = (
+        ShootingEvidence(port_log(log, simulator), simulator, longest=25)
+        for simulator in (FunctionSimulator(rates, ports, {"R0": r}, output=terminal) for r in (0.02, 0.06))
+    )
+    assert "v1" in wrong.undetermined() and "v1" not in wrong.told("voltage")
+    assert right.undetermined() == []

@@ -27,10 +27,6 @@ def emptying(t, x, u, p):
     return [(u.q - p.k * flow(x.h)) / p.A, slow + max(v * x.h for v in (1, 2))]
 
 
-def branching(t, x, u, p):
-    return [max(x.h, 0.0) if x.h < 1.0 else u.q, x.w]
-
-
 def kinds(t, x, u, p):
     return [float(x.h) if isinstance(p.k, float) else u.q, float("2")]
 
@@ -83,9 +79,8 @@ def test_what_is_neither_larger_nor_smaller_is_kept_as_python_keeps_it() -> None
     assert many(1, 2) == (2, 1) and many([3], [1]) == ([3], [1])
 
 
-@pytest.mark.parametrize("function", [branching, counting])
-def test_a_function_that_branches_or_keeps_count_is_asked_one_by_one(function) -> None:
-    simulator, given = asked(function)
+def test_a_function_that_keeps_count_is_asked_one_by_one() -> None:
+    simulator, given = asked(counting)
     simulator.rate(*given)
     assert not simulator.at_once
 

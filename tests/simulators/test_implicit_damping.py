@@ -46,6 +46,6 @@ def test_a_log_made_by_the_models_own_steps_has_no_gap(tmp_path, share, speeds) 
     x = np.linalg.lstsq(evidence.J, -evidence.z0, rcond=None)[0]
     left = evidence.z0 + evidence.J @ x
     assert all(np.sqrt(np.mean(np.square(left[part]))) < 1.2 for part in evidence.parts)
-    if not speeds:
+    if share == 1.0 and not speeds:  # a quarter of it changes less than the noise
         found = dict(zip(evidence.free, x, strict=True))
         assert found[SEMI_IMPLICIT] == pytest.approx(share * 0.004 / DT, abs=0.05)

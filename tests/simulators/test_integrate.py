@@ -124,7 +124,7 @@ def test_what_no_such_round_reaches_is_run_step_by_step():
 
 def test_a_function_that_takes_one_instant_at_a_time_is_run_step_by_step():
     ports = [Port("force", "input", "N"), Port("v", "state", "m/s")]
-    single = FunctionSimulator(lambda t, x, u, p: [u.force - x.v if x.v < 1e9 else 0.0], ports, {})
+    single = FunctionSimulator(lambda t, x, u, p: [float(f"{u.force - x.v:.17g}")], ports, {})
     t, _, u = given()
     p, x0 = np.zeros((0, RUNS)), np.zeros((1, RUNS))
     runner = Runner(single, DT)

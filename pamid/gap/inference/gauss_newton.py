@@ -10,6 +10,7 @@ from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import TOLERANCE
 from .descent import Bounds, Prior, descend
+from .rough import compass, longer
 from .sensitivity import adds
 from .student_t import RobustFit, solve
 
@@ -56,6 +57,7 @@ class Fitter:
     def __init__(self, evidence: ResidualSource) -> None:
         self.evidence, self.weights = evidence, evidence.weights
         self.n = evidence.J.shape[1]
+        self._steps: dict[tuple[str, ...], float] = {}
         low, high = evidence.ends
         self.low, self.high = low - (SLACK - 1.0), high + (SLACK - 1.0)
 
@@ -222,7 +224,8 @@ class Fitter:
 
         about = evidence.about
         prior = Prior(np.concatenate([-about, 0.0 * phi]), np.concatenate([np.full(n, TOLERANCE), 0.0 * phi]))
-        start = np.concatenate([x, phi])
+        begun, chance = self._begun(slots, phi, x) if slots and evidence.rough else (phi, 0.0)
+        start, gain = np.concatenate([x, begun]), max(gain, chance)
         s = descend(at, slopes, start, bounds, evidence.parts, self.weights, rounds, prior, gain, behind)
         return Fit(named(s.x), s.x[:n], s.loglik, s.z, s.scales, self.low, self.high)
 
@@ -248,16 +251,42 @@ class Fitter:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, and how far a step may go."""
         D, spec = np.zeros((len(z), len(phi))), _spec(slots, phi)
-        for k, (name, p) in enumerate(slots):
-            v = phi[k]
-            h = _nudge(p, v)
-            moved = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
-            if len(spec) > 1 and not self.evidence.bends and all(adds(self.evidence.effects[n]) for n in spec):
-                # Contributions to an equation are additive, with or without other effects.
-                D[:, k] = self.evidence.change({name: moved}, {name: spec[name]}, x) / h
-            else:
-                D[:, k] = self.evidence.change({**spec, name: moved}, spec, x) / h
+        # Contributions to an equation are additive, with or without other effects.
+        apart = len(spec) > 1 and not self.evidence.bends and all(adds(self.evidence.effects[n]) for n in spec)
+        for k, ((name, p), v) in enumerate(zip(slots, phi, strict=True)):
+            moved = self._moved({name: spec[name]} if apart else spec, name, p, x)
+            far, room = self._steps.get((*spec, name, p.name), 0.0), min(v - p.lower, p.upper - v)
+            h = far * abs(v) if far * abs(v) <= room else 0.0
+            D[:, k] = (moved(h) - moved(-h)) / (2.0 * h) if h else moved(_nudge(p, v)) / _nudge(p, v)
         return D, *_reach(slots, phi)
+
+    def _moved(self, spec: Spec, name: str, p: Parameter, x: np.ndarray) -> Callable[[float], np.ndarray]:
+        """Return what a change of an effect's parameter changes in the residuals."""
+        v = spec[name][p.name]
+
+        def moved(h: float) -> np.ndarray:
+            there = {**spec[name], p.name: float(np.clip(v + h, p.lower, p.upper))}
+            return self.evidence.change({**spec, name: there}, spec, x)
+
+        return moved
+
+    def _begun(
+        self, slots: Sequence[tuple[str, Parameter]], phi: np.ndarray, x: np.ndarray
+    ) -> tuple[np.ndarray, float]:
+        """Return where to begin a descent, found without slopes where residuals are rough, and what gain is chance."""
+        spec = _spec(slots, phi)
+        for (name, p), v in zip(slots, phi, strict=True):
+            key = (*spec, name, p.name)
+            if key not in self._steps:
+                self._steps[key] = longer(_nudge(p, v), v, p.lower, p.upper, self._moved(spec, name, p, x))
+        if not any(self._steps[*spec, name, p.name] for name, p in slots):
+            return phi, 0.0
+        J, names = self.evidence.slopes(spec, x), dict(zip(self.evidence.free, map(float, x), strict=True))
+
+        def value(phi: np.ndarray) -> float:
+            return self.linear(self.evidence.z(_spec(slots, phi), names) - J @ x, J, start=x).loglik
+
+        return compass(value, phi, np.array([p.lower for _, p in slots]), np.array([p.upper for _, p in slots]))
 
 
 def _relinearised(x: np.ndarray, solved: Callable[[np.ndarray], Solved]) -> Solved:
@@ -309,7 +338,7 @@ def _mixes(p: Parameter) -> bool:
     return not p.linear and (p.share or (p.unit == "-" and p.nominal == p.lower == 0.0))
 
 
-def _spec(slots: list[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:
+def _spec(slots: Sequence[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:
     spec: dict[str, dict[str, float]] = {}
     for v, (name, p) in zip(phi, slots, strict=True):
         spec.setdefault(name, {})[p.name] = float(np.clip(v, p.lower, p.upper))

@@ -78,7 +78,8 @@ class PortSignals(ABC):
         States that stand only inside the model say nothing: its reading does, in their place.
         """
         names, signals = list(dict.fromkeys(self.roles(equation).values())), self.signals()
-        shown = [n for n in names if n in self.log.channels or n not in self.simulator.hidden_states]
+        hidden = {*self.simulator.hidden_states, *self.undetermined()}
+        shown = [n for n in names if n in self.log.channels or n not in hidden]
         if len(shown) < len(names) and equation in self.log.channels:
             shown.append(equation)
         part, every = self.parts[self.equations.index(equation)], {**self.log.channels, **signals}
@@ -86,6 +87,10 @@ class PortSignals(ABC):
         for name in shown:
             found[name][part] = every[name][self.centre[part]]
         return found
+
+    def undetermined(self) -> list[str]:
+        """Return the states that stand in for readings, but that these do not determine."""
+        return []
 
     # --- paths -------------------------------------------------------------------------------------------------
     @abstractmethod

@@ -56,6 +56,8 @@ class PortEvidence(WindowNoise, Settled, ABC):
     """Any model may be wrong in several small ways at once."""
     bends = True
     """Whether residuals are no sums of what effects do one by one: large ones are refitted before they are ranked."""
+    rough = False
+    """Whether changes are differences of whole runs of somebody's code, which may stick, switch or take steps."""
     overlap = 3
     """A reading is in two windows by the test functions, and in a third by rates of its neighbours."""
     sharp: list[slice] = []  # noqa: RUF012 - none, and nobody adds one
@@ -156,7 +158,10 @@ class PortEvidence(WindowNoise, Settled, ABC):
         ):
             return False  # it takes several runs, where there is something to explain
         change = self._whitening.white(self._with_lines() / self.noise)
-        return self.without_steps(change).loglik > self.without_steps().loglik + LEAST_GAIN
+        held, straight = self.without_steps(), self.without_steps(change)
+        # What is left of a gap lasts, so that it says less; once the causes are known, it is asked again.
+        least = LEAST_GAIN if self._to_the_noise(straight) else DECIDED
+        return straight.loglik > held.loglik + least
 
     def without_steps(self, change: np.ndarray | float = 0.0) -> RobustFit:
         """Return the fit without causes and without steps of an integrator, of residuals changed by so much.
@@ -206,14 +211,25 @@ class PortEvidence(WindowNoise, Settled, ABC):
         for method in [name for name in self.free if name in METHODS]:
             step, least = self.J[:, self.free.index(method)], LEAST_GAIN + np.log(self._ways)
             best, without, longest = self._fitted_beside(step), self._fitted_beside(), self._fitted_beside(step, 1.0)
-            left = [scale(best.z[part], 0.0) - np.sqrt(2.0 / max(part.stop - part.start, 1)) for part in self.parts]
-            alone = best.loglik > without.loglik + least and max(left) <= 1.0 + EXCESS
+            told = best.loglik > without.loglik + least and self._to_the_noise(best)
+            # Noise in modelled rates makes exact logs look as if made in steps, too.
+            alone = told and (bool(np.any(without.scales > 1.0)) or not self._noise_pulls())
             whole = self.made_in_samples
             self.made_in_samples = whole and alone and longest.loglik > best.loglik - least
             if not alone:
                 self._set_aside(method)
-                if not whole and self._little is not None:  # without causes, little tells methods apart
+                if not (whole or told) and self._little is not None:  # without causes, little tells methods apart
                     self._aside = STEPS, self._little
+
+    def _noise_pulls(self) -> bool:
+        """Return whether noise in modelled rates moves the free parameters: not in what is predicted."""
+        return False
+
+    def _to_the_noise(self, fit: RobustFit) -> bool:
+        """Return whether a fit leaves no more than the noise in any equation, as far as its windows can tell."""
+        counts = [max(part.stop - part.start, 1) for part in self.parts]
+        left = [scale(fit.z[part], 0.0) for part in self.parts]
+        return bool(np.all(np.array(left) <= 1.0 + EXCESS + np.sqrt(2.0 / np.array(counts))))
 
     def _begun(self, straight: np.ndarray) -> None:
         """Compute residuals and slopes at the present starting values."""

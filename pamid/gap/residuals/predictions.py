@@ -46,7 +46,7 @@ class PredictedEvidence(StretchEvidence):
         longest: int = 0, like: StretchEvidence | None = None, halves: bool = False,
     ) -> None:  # fmt: skip
         super().__init__(log, simulator, whole, refit, lines, longest, like, halves)
-        self._u = log.inputs(simulator)
+        self.rough, self._u = simulator.form == "run", log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False
         self._failed: tuple[int, list[str], int] | None = None

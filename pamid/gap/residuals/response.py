@@ -65,7 +65,7 @@ class Response:
         self.x = np.vstack([rows, *(integral(rows[v], log, firsts) for v in self.paths.values())])
         self._slopes: dict[int, np.ndarray | None] = {}
         self._base = self._pushed(drive, self.x)
-        self.rates = self._asked(self.x, self._base[0], drive.p) + self._base[1]
+        self.rates = _held(self._asked(self.x, self._base[0], drive.p) + self._base[1])
         self._steps = self._transitions(drive)
 
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -88,7 +88,7 @@ class Response:
         """Return the rates at mid-step, shape (n_states, n_steps), at other states if given."""
         x = self.x if x is None else x
         u, added = self._pushed(drive, x)
-        return self._asked(x, u, drive.p) + added
+        return _held(self._asked(x, u, drive.p) + added)
 
     def _asked(self, x: np.ndarray, u: np.ndarray, p: np.ndarray, at: float = 0.5) -> np.ndarray:
         """Return the simulator's own rates within each step, at mid-step if not told otherwise."""
@@ -97,7 +97,7 @@ class Response:
         self.evaluations += 1.0
         with np.errstate(all="ignore"):
             found = self.simulator.rate(log.t[before] + at * log.dt, self._own(middle), u, p[:, before])
-        return np.clip(np.nan_to_num(np.vstack([found, middle[list(self.paths.values())]])), -_MOST, _MOST)
+        return _held(np.vstack([found, middle[list(self.paths.values())]]))
 
     def _own(self, x: np.ndarray) -> np.ndarray:
         """Return the simulator's own states."""
@@ -199,3 +199,8 @@ class Response:
         """Return the changes of the states along all stretches."""
         out = self._chains.followed(np.einsum("kij,jk->ki", self._steps[1], change), start.T)
         return self._own(np.clip(np.nan_to_num(out.T), -_MOST, _MOST))
+
+
+def _held(rates: np.ndarray) -> np.ndarray:
+    """Return finite numbers: those of a run that diverges, or of an effect on it, stay at a bound."""
+    return np.clip(np.nan_to_num(rates), -_MOST, _MOST)

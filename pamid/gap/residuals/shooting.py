@@ -448,6 +448,13 @@ class ShootingEvidence(PredictedEvidence):
         shown = list(dict.fromkeys([*self.shown, *more]))
         return dict(zip(shown, self._predict(x0, active, numbers, shown), strict=True))
 
+    def undetermined(self) -> list[str]:
+        """Return the states whose fitted initial values take up a part of the gap: they jump where a stretch begins."""
+        begins = np.setdiff1d(self._firsts, self.log.starts)
+        jumps = [rms(x) for x in self._states[:, begins] - self._states[:, begins - 1]]
+        spread = np.std(self._states, axis=1)
+        return [s for s, jump, size in zip(self.simulator.states, jumps, spread, strict=True) if 2.0 * jump > size]
+
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""
         found = dict(zip(self.simulator.inputs, self._u, strict=True)) | dict(self.log.channels)

@@ -33,7 +33,7 @@ from ...equations.windows import average
 from ...remembered import Remembered
 from ...simulators.base import Simulator
 from ...simulators.placement import Placement
-from ..settings import TOLERANCE
+from ..settings import LEAST_GAIN, TOLERANCE
 from .balance import Balance
 from .ports import PortEvidence
 from .protocol import Active, Spec
@@ -114,6 +114,11 @@ class UndoneEvidence(PortEvidence, ABC):
         together = pull @ np.linalg.solve(information + TOLERANCE * np.eye(len(pull)), pull)
         return 0.5 * float(np.max(alone, initial=0.0)), 0.5 * float(together)
 
+    def _noise_pulls(self) -> bool:
+        found = max(self.pulled) > LEAST_GAIN
+        del self.pulled  # what is free changes
+        return found
+
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return the relative width of the noise under effects that filter it or follow it; None without any."""
         found = self._noise_under({k: v for k, v in spec.items() if self._changes_noise(self.placements[k])})
@@ -141,6 +146,13 @@ class UndoneEvidence(PortEvidence, ABC):
         faults = {k: v for k, v in spec.items() if self.placements[k].enters == "output"}
         grown = self.widening(faults) if faults else None
         return grown is not None and max(rms(grown[part]) for part in self.parts) > np.sqrt(2.0)
+
+    def hides(self, spec: Spec) -> bool:
+        """Return whether effects do so in a quarter of the windows, too many for a robust fit to leave them aside."""
+        grown = self.widening(spec)
+        return grown is not None and any(
+            np.quantile(grown[p], 0.75) > np.sqrt(2.0) for p in self.parts if len(grown[p])
+        )
 
     def widening(self, spec: Spec) -> np.ndarray | None:
         """Return the growth of noise over that of motion under effects; None where none changes it."""

@@ -50,7 +50,7 @@ class StackedEvidence(Settled):
         self.exact, self.bends, self.one_sided = sources[0].exact, sources[0].bends, sources[0].one_sided
         self.overlap = max(s.overlap for s in sources)
         self.rows = sum(s.rows for s in sources)
-        self.curved = any(s.curved for s in sources)
+        self.curved, self.rough = any(s.curved for s in sources), any(s.rough for s in sources)
         first, *others = [s.twins for s in sources]
         self.twins: Mapping[str, str] = {a: b for a, b in first.items() if all(t.get(a, b) == b for t in others)}
         every = dict.fromkeys(e for s in sources for e in s.equations)
