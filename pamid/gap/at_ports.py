@@ -126,7 +126,8 @@ def diagnose_evidence(
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
-            if any(map(searched.hides, about_as_good(outcome))):
+            doubted = verdict.reserved or not verdict.named
+            if doubted and any(map(searched.hides, about_as_good(outcome))):
                 raise UnjudgedError(UNSEEN)
             promising = outcome.best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
