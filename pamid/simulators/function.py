@@ -175,14 +175,17 @@ class FunctionSimulator(Simulator):
         """Return a function's numbers at all instants, asked at once; None where that fails at some of them."""
         out = np.empty((len(names), n := arguments[0][0].shape[1]))
 
-        def asked(function: Callable[..., Any]) -> np.ndarray:
+        def asked(function: Callable[..., Any]) -> np.ndarray | None:
             filled = functools.partial(_fill, out, names, function, t, arguments)
-            self._ways[what] = by_branches(filled, n, max(n // _WORTH, 2))
+            try:
+                self._ways[what] = by_branches(filled, n, max(n // _WORTH, 2))
+            except ManyWaysError:
+                self._ways[what] = n
+                return None
             return out
 
-        each = self._each.get(what)
         try:
-            return asked(each or function)
+            return asked(self._each.get(what, function))
         except SimulatorRunError as error:
             if isinstance(error.__cause__, TypeError):  # a branch that was not asked before takes one instant at a time
                 self._fast[what] = False
@@ -191,9 +194,6 @@ class FunctionSimulator(Simulator):
                 raise
             self.undefined, each = str(error.found), elementwise(function, or_nan=True)
             return None if each is None else asked(each)
-        except ManyWaysError:
-            self._ways[what] = n
-            return None
 
     def _defined(
         self, what: str, names: tuple[str, ...], asked: Callable[[], Any], function: Callable[..., Any],

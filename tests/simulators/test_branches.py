@@ -94,6 +94,22 @@ def test_a_branch_that_first_comes_later_is_taken_one_by_one():
     assert simulator.rate(np.zeros(N), x, u, p)[1] == pytest.approx(u[0])
 
 
+def test_many_ways_of_a_function_without_a_value_somewhere_are_asked_one_by_one():
+    def rates(t, x, u, p):
+        n = 0
+        while n < 400 and n < 100.0 * x.x:
+            n += 1
+        return [x.v, n + math.log(u.u)]
+
+    rng = np.random.default_rng(8)
+    simulator = FunctionSimulator(rates, PORTS, {"k": 4.0}, form="ode")
+    x, u, p = rng.random((2, N)) * [[0.001], [1.0]], 1.0 + rng.random((1, N)), np.full((1, N), 4.0)
+    assert simulator.rate(np.zeros(N), x, u, p)[1] == pytest.approx(1.0 + np.log(u[0]))
+    x[0], u[0, 5] = 4.0 * rng.random(N), -1.0
+    found = simulator.rate(np.zeros(N), x, u, p)[1]
+    assert np.isnan(found[5]) and np.isfinite(np.delete(found, 5)).all()
+
+
 def test_an_error_of_a_function_is_still_reported():
     def rates(t, x, u, p):
         if u.u > 0.0:

@@ -37,8 +37,8 @@ class Evidence(Settled):
     lasting = ("rest_length", "rest_diameter", "braid_angle", "initial_contraction", "pulley_radius", "inertia")
     """Lengths, angles and masses; valves, friction and gas may change from day to day."""
     bends = False
-    rough = False
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
+    rough = False
     least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
     decisive = LEAST_GAIN
