@@ -237,8 +237,8 @@ WHAT_TO_DO = {
     "PamidWarning": "Lower the threshold of the regression, or check that its output varies. Update or uninstall an "
     "extension that fails to load.",
     "UnitWarning": "Give the unit of the column in the mapping, and say whether a pressure is gauge or absolute.",
-    "ReadingWarning": "Inspect the rows that it names; repair the sensor, or leave the rows out.",
-    "ExcitationWarning": "Record runs that vary the signal or port it names, record more runs, or leave it out.",
+    "ReadingWarning": "Inspect the rows that the warning names; repair the sensor, or leave these rows out.",
+    "ExcitationWarning": "Record more runs, vary the signal or port that the warning names, or leave that signal out.",
     "ExtrapolationWarning": "Do not rely on this prediction. Record data there and fit again, or stay in the range.",
     "UnstableRunWarning": "Shorten the free run or fit to more runs; `held` in `simulate`'s result marks the rows.",
     "AdaptationWarning": "Check signs, units and diameter; use a source more like the target, or fit without one.",

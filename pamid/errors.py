@@ -149,7 +149,7 @@ class ExcitationError(SignalError):
 
 
 class UnitError(SignalError):
-    """Values that are clearly in another unit than expected, or an unknown unit."""
+    """Values are clearly in the wrong unit, or their unit is unknown."""
 
     page = "docs/logs.md#units"
 
@@ -354,11 +354,11 @@ def needs(package: str, extra: str, module: str = "") -> Iterator[None]:
 
 # --- warnings -----------------------------------------------------------------------------------------------
 class PamidWarning(UserWarning):
-    """Base class; itself issued if a regression keeps no term for an output or an extension fails to load."""
+    """Base class. Issued directly if a regression keeps no term for an output, or an extension fails to load."""
 
 
 class UnitWarning(PamidWarning):
-    """Values that seem to be in a unit other than expected."""
+    """Values seem to be in the wrong unit."""
 
 
 class ReadingWarning(PamidWarning):
@@ -366,7 +366,7 @@ class ReadingWarning(PamidWarning):
 
 
 class ExcitationWarning(PamidWarning):
-    """The data hardly excite a quantity to be identified, or an effect of the simulator."""
+    """The data vary too little, or are too few, to identify a quantity or test an effect of the simulator."""
 
 
 class ExtrapolationWarning(PamidWarning):

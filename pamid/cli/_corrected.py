@@ -97,7 +97,7 @@ def _run_some_steps(page: Path) -> None:
     with acting:
         mujoco.mj_step(model, data, nstep=_STEPS)
     if not np.isfinite(data.qpos).all():
-        raise SimulatorRunError("corrected.xml gives no finite positions.", "a model that runs", "Look at the causes.")
+        raise SimulatorRunError("corrected.xml gives no finite positions.", "a model that runs", "Check the causes.")
 
 
 def _write_fmu(simulator: FmuSimulator, path: Path) -> None:

@@ -222,7 +222,7 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
     found = tried(draft, draft.reference) if open_ or named else None
     doubtful = [g for g in named if found is not None and g.gauge != found]
     if found is not None and not doubtful:
-        draft.refer(found, f"{'gauge' if found else 'absolute'}, judged by its force")
+        draft.refer(found, f"{'gauge' if found else 'absolute'}, judged by the measured force")
     open_ = doubtful or [g for g in draft.pressures() if not g.settled]
     if not open_:
         return
@@ -232,7 +232,7 @@ def refer(draft: Draft, ask: Asker, assume: str | None) -> None:
     first = open_[0]
     unit = "Pa" if first.unit is None else first.unit
     said = (
-        " is gauge or absolute: its name says one, and its force the other"
+        " is gauge or absolute: its name says one, but the measured force suggests the other"
         if doubtful
         else " may be gauge or absolute: both are possible"
     )
@@ -318,9 +318,8 @@ def tried(draft: Draft, read: Callable[[], Any]) -> Any:
         return read()
     except PamidError as error:
         runs = [f"--signal trajectory={shlex.quote(str(n))}" for n in draft.run_names()]
-        remedy = (
-            f"If a column numbers the runs: {' or '.join(runs)}." if isinstance(error, TimeOrderError) and runs else ""
-        )
+        numbered = isinstance(error, TimeOrderError) and runs
+        remedy = f"If a column contains the number of the run: {' or '.join(runs)}." if numbered else ""
         raise type(error)(
             f"With the proposed mapping: {error.found}",
             error.expected,

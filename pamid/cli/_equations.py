@@ -37,7 +37,8 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
     named = set().union(*(names_in(text) for text in equations.values())) - {"t"}
     if surplus := sorted(set(numbers) - named - set(rates)):
         raise ParameterError(
-            f"--set gives {', '.join(surplus)}, which no equation names.", f"some of {', '.join(sorted(named))}",
+            f"--set gives {', '.join(surplus)}, which no equation names.",
+            f"names that the equations use: {', '.join(sorted(named))}",
             "Remove it, or name it in an equation.",
         )  # fmt: skip
     inputs = sorted(named - set(rates) - set(numbers))

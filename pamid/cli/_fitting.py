@@ -62,7 +62,7 @@ def held_out(
         )
     folds = min(args.folds, n_runs)
     if folds < args.folds:
-        note(args, f"{n_runs} runs allow {folds} folds only")
+        note(args, f"{n_runs} runs allow only {folds} folds")
     predicted = np.full(len(X), np.nan)
     step.expect(folds + 1)
     split = GroupKFold(folds, shuffle=True, random_state=args.seed).split(X, y, groups)
@@ -108,7 +108,7 @@ def read_causes(folder: str) -> Causes:
         ) from None
     except (ValueError, KeyError, TypeError, AttributeError):
         raise ParameterError(
-            f"{path} holds no causes in pamid's format.", "the file of 'pamid diagnose'", "Diagnose the log again."
+            f"{path} holds no causes in pamid's format.", "a file of 'pamid diagnose'", "Diagnose the log again."
         ) from None
 
 
@@ -131,9 +131,9 @@ def hold_causes(estimator: Any, causes: Causes, args: argparse.Namespace) -> Non
     held, left = of_causes(causes, equations)
     estimator.set_params(effects={e.name: dict(e.values) for e in held} or None)
     if left:
-        note(args, f"{args.estimator} cannot include {', '.join(left)}: its network fits whatever depends on the state")
+        note(args, f"{args.estimator} cannot include {', '.join(left)}: its network fits all that depends on the state")
     if not held:
-        note(args, "nothing of the diagnosis acts in this equation; the model is fitted without effects")
+        note(args, "no cause of the diagnosis acts in this equation; the model is fitted without effects")
 
 
 # --- what a fit found ---------------------------------------------------------------------------------------

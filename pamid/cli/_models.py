@@ -125,7 +125,7 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
     """Return which ports have no column although one is named like them, and why; empty where there is none."""
     open_ = {p.source: doubts[p.name] for p in _signals(simulator) if p.name in doubts and draft.of(p.source) is None}
     return "; ".join(
-        f"{port} has no signal: {why}. If it is one, say which and in which unit or factor: --signal "
+        f"{port} has no column: {why}. If one fits, name it with its unit or factor: --signal "
         f"'{port}=COLUMN:UNIT' or '{port}=COLUMN*FACTOR'"
         for port, why in open_.items()
     )

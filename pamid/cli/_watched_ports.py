@@ -91,9 +91,9 @@ def refuse_a_table(samples: Samples) -> None:
     if (n := samples.problems["malformed"]) and not samples.objects:
         raise StreamError(
             f"None of the {n:,} lines is a JSON object; the first is {samples.first_problem}.",
-            'JSON lines, one object a sample, such as {"time": 0.01, ...}',
-            "Let the logger write them. A table is no stream: convert it (pandas: to_json(orient='records', "
-            "lines=True)), or diagnose it with 'pamid diagnose'.",
+            'JSON lines, one object per sample, such as {"time": 0.01, ...}',
+            "Let the logger write such lines. A table is not a stream: convert it (pandas: to_json(orient='records', "
+            "lines=True)), or use 'pamid diagnose'.",
         )
 
 

@@ -44,7 +44,7 @@ def rows_where(table: pd.DataFrame, conditions: Sequence[str]) -> np.ndarray | N
             raise ParameterError(f"--where got {text!r}.", "COLUMN > NUMBER", "Write for instance --where 'F > 5'.")
         if found["column"] not in table.columns:
             raise MissingColumnError(
-                f"--where names {found['column']}, and the table has {', '.join(map(str, table.columns[:20]))}.",
+                f"--where names {found['column']}, but the table has {', '.join(map(str, table.columns[:20]))}.",
                 "one of its columns",
                 "Correct the name.",
             )

@@ -37,10 +37,11 @@ if TYPE_CHECKING:
     from .several.stacked import StackedEvidence
 
 DROWNED = (
-    "Readings were predicted instead: in the equations, undoing a sensor's fault would hide the rest in its noise."
+    "The readings were predicted rather than put into the equations, where undoing a sensor's fault would amplify the "
+    "noise and hide the rest."
 )
-UNSEEN = "Readings were predicted instead: in the equations, noise in the readings hides how a force acts."
-BURIED = "Readings were predicted instead: in each of the equations, the gap is smaller than the noise."
+UNSEEN = "The readings were predicted rather than put into the equations, where their noise hides how a force acts."
+BURIED = "The readings were predicted rather than put into the equations, in each of which noise exceeds the gap."
 
 
 class Judged(NamedTuple):
@@ -75,14 +76,14 @@ def diagnose_at_ports(
     def with_noise_of_inputs() -> Judged:
         if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
             return judged
-        say("once more with the noise of inputs, which the causes had hidden")
+        say("again, allowing for noise in the inputs, which the causes had hidden")
         return diagnose_evidence(evidence, effects, seed, say, change)
 
     def with_inputs_otherwise() -> Judged:
         other = otherwise(evidence, found, log)
         if other is None:
             return judged
-        say(f"once more with inputs {'interpolated between rows' if other.lines else 'held over each step'}")
+        say(f"again, with inputs {'interpolated between rows' if other.lines else 'held over each step'}")
         return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))
 
     for again in (with_noise_of_inputs, with_inputs_otherwise):
@@ -149,7 +150,7 @@ def diagnose_evidence(
                 begin,
             )
         except UnjudgedError as why:
-            say("once more by predictions, where noise hides less than in the equations")
+            say("again, by predictions, in which noise hides less than in the equations")
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)

@@ -60,7 +60,7 @@ def screened(competition: Competition, interrupted: bool, say: Callable[[str], N
 
 def rows_used(used: int, rows: int) -> str:
     """Return a sentence on how much of a log was used."""
-    return f"{used:,} of {rows:,} rows were used, whole runs evenly spread over the log."
+    return f"{used:,} of {rows:,} rows were used: whole runs, evenly spread over the log."
 
 
 def rows_searched(part: int, rows: int) -> str:

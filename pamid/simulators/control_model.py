@@ -131,7 +131,7 @@ def _state_space(system: Any) -> Any:
         found = control.ss(system)
     except Exception as error:  # python-control's own kinds, for improper and for some systems of several outputs
         raise ParameterError(
-            f"python-control makes no state space of the system: {error}.",
+            f"python-control cannot convert the system to a state space: {error}.",
             "a proper system",
             "Write it as a StateSpace.",
         ) from error

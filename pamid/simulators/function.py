@@ -458,7 +458,7 @@ def _real(values: Any) -> np.ndarray:
     else:
         wrong = [] if x.dtype.kind in "biuf" else list(x.flat[:1])
     if wrong:
-        raise TypeError(f"{str(wrong[0])[:40]!r} is no real number")
+        raise TypeError(f"{str(wrong[0])[:40]!r} is not a real number")
     return x.astype(float, copy=False)
 
 

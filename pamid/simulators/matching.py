@@ -301,7 +301,7 @@ class _Matcher:
             if unit is not None:
                 why = f"its name; in {unit}, since {driven.column} follows it in this unit"
                 return replace(match, unit=unit, why="" if match.named and unit == _own(place) else why)
-        basis = "one of the columns left over, in order" if match.port in self.left_over else "its name"
+        basis = "assigned in order from the columns left over" if match.port in self.left_over else "its name"
         if stated:
             return replace(match, unit=stated, why="" if match.named else f"{basis}; in {stated}, as its header says")
         if match.port in degrees:

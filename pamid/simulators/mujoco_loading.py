@@ -154,7 +154,7 @@ def given_state(path: Path, m: Any) -> int:
     spec = kinds.mjSTATE_QPOS | kinds.mjSTATE_QVEL | kinds.mjSTATE_CTRL | kinds.mjSTATE_QFRC_APPLIED
     if mujoco_module().mj_stateSize(m, spec) != 3 * m.nv + m.nu:
         raise SimulatorSyntaxError(
-            f"{path} has other states than those of joints.", "only joints and inputs", "Leave them out."
+            f"{path} has states other than those of its joints.", "only joints and inputs", "Leave them out."
         )
     return int(spec)
 
@@ -224,7 +224,7 @@ def _by_trial(path: Path, mj: Any) -> Any:
 def _too_large(path: Path) -> SimulatorSyntaxError:
     return SimulatorSyntaxError(
         f"{path} cannot be loaded within {MEMORY / 2**30:g} GiB and {SECONDS} s of processor time.",
-        "a model of ordinary size, of plain files",
+        "a model of ordinary size in plain files",
         "Look at the number of its elements, its height fields, meshes, flexcomp, replicate, size and include; "
         "leave out what pamid does not need.",
     )

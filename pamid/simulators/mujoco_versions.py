@@ -109,7 +109,7 @@ def _unnamed(spec: Any, m: Any, what: str, name: str) -> Any:
     count, k = {"body": m.nbody, "joint": m.njnt, "actuator": m.nu}[what], name.removeprefix(what)
     if len(items) != count or not k.isdigit() or items[int(k)].name:  # static bodies are fused, say
         raise SimulatorRunError(
-            f"The {what} {name!r} has no name by which it is found in the model file.",
+            f"The {what} that pamid calls {name!r} has no name in the model file, so it is not found there.",
             f"a name for each {what}",
             "Name it in the model file.",
         )

@@ -308,7 +308,7 @@ def test_the_question_is_asked_where_both_readings_are_possible(tmp_path, capsys
 def test_a_name_and_a_force_that_contradict_each_other(tmp_path, capsys):
     log = cylinder(tmp_path, above=0.9, name="P [bar]")
     assert main(["init", str(log), *BORE, "--out", str(tmp_path / "a")]) == 2
-    assert "name says one, and its force the other" in capsys.readouterr().err
+    assert "name says one, but the measured force suggests the other" in capsys.readouterr().err
     assert made(tmp_path / "b", log, *BORE, "--assume", "gauge")["P"].min() == pytest.approx(221_325, rel=1e-3)
 
 

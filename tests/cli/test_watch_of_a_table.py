@@ -27,4 +27,4 @@ def test_a_table_is_told_to_be_no_stream(tmp_path: Path, capsys: pytest.CaptureF
     error = capsys.readouterr().err
     assert "None of the 51 lines is a JSON object; the first is 'time,P,T'" in error
     assert "column 1" not in error
-    assert "Expected JSON lines, one object a sample" in error and "pamid diagnose" in error
+    assert "Expected JSON lines, one object per sample" in error and "pamid diagnose" in error

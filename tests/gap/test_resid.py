@@ -88,7 +88,7 @@ def test_the_command_names_the_input(stroke, tmp_path, capsys):
     assert found["inputs"]["P"]["p_value"] < 1e-6 < 0.001 < found["inputs"]["x"]["p_value"]
     assert (tmp_path / "r.svg").stat().st_size > 5000
     assert main(words) == 0
-    assert "misses something of P:" in " ".join(capsys.readouterr().out.split())
+    assert "misses part of the effect of P," in " ".join(capsys.readouterr().out.split())
     assert main([*words, "--equation", "flow"]) == 2
     assert "one of force" in capsys.readouterr().err
 
@@ -97,7 +97,7 @@ def test_noise_blames_nothing():
     rng = np.random.default_rng(0)
     u = rng.standard_normal(800)
     test = residual_test(0.3 * u + rng.standard_normal(800), {"u": u}, lags=10)
-    assert "misses something of u:" in _verdict(test, Left(pd.DataFrame(), "N"))
+    assert "misses part of the effect of u," in _verdict(test, Left(pd.DataFrame(), "N"))
     assert _verdict(test, Left(pd.DataFrame(), "N", within_noise=True)).startswith("No larger than the noise")
 
 

@@ -448,7 +448,7 @@ def test_watch_tells_a_stuck_sensor(recorded, tmp_path, capsys):
     (tmp_path / "samples.jsonl").write_bytes(b"\n".join(as_lines(table)) + b"\n")
     assert main(["watch", str(tmp_path / "samples.jsonl"), "--sim", str(recorded[1]), "--learn", "3"]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert next(line for line in said if "sensor of F stands still" in line).split()[0] in ("4.00", "4.01", "4.02")
+    assert next(line for line in said if "sensor of F is stuck" in line).split()[0] in ("4.00", "4.01", "4.02")
     assert said[-1].startswith("end: 5980 samples, findings: 0")
 
 

@@ -175,7 +175,7 @@ def _muscle(args: argparse.Namespace) -> tuple[BenchParameters | System | None, 
         named = BenchParameters.for_muscle(args.muscle)
         own = (named.muscle.rest_length, named.muscle.rest_diameter)
         if sizes is not None and sizes != own:
-            note(args, f"--muscle {args.muscle} has other sizes than the simulator file; --muscle is taken")
+            note(args, f"--muscle {args.muscle} and the simulator file give different sizes; --muscle is used")
         return page if page is not None else named, own
     try:
         length, diameter = (float(part) for part in args.muscle.split(","))

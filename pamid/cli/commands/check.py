@@ -94,7 +94,7 @@ def _has_ports(args: argparse.Namespace) -> bool:
 
     if not args.sim or not (Path(args.sim).suffix.lower() in MODELS or kind_of_file(args.sim) in simulator_kinds()):
         return False
-    note(args, f"{args.sim} is a simulator with ports: the log is looked at by itself")
+    note(args, f"{args.sim} is a simulator with ports: the log is examined on its own")
     return True
 
 
@@ -118,7 +118,7 @@ def _port_doubts(args: argparse.Namespace, log: pd.DataFrame) -> list[str]:
         if runs_code(args.sim) and not args.trust:
             if Path(args.sim).suffix.lower() not in MODELS:
                 read_outline(args.sim)
-            note(args, f"{args.sim} runs code: --trust lets its ports be compared with the columns")
+            note(args, f"{args.sim} runs code: with --trust, its ports are compared with the columns of the log")
             return []
         simulator: Any = any_simulator_of(args)
         at_ports = port_log(log, simulator)
@@ -166,7 +166,7 @@ def _read(args: argparse.Namespace, own: dict[str, str]) -> tuple[pd.DataFrame, 
             if order is not None:
                 raise
             order = "split"
-            doubts.append(f"{error} Here each return of time begins a new run.")
+            doubts.append(f"{error} Here, a new run begins wherever time goes back.")
         else:
             return log, doubts + [f"{text}." for text in (*notes.losses(), *notes.readings.sentences())]
 

@@ -213,7 +213,7 @@ def _tell(args: argparse.Namespace, result: Comparison, files: list[Path], start
         print(f"wrote {file}")
     warned = [s.estimator for s in result.scores if s.warnings]
     if warned:
-        note(args, f"{', '.join(warned)} warned during fits; --json tells of what")
+        note(args, f"{', '.join(warned)} warned during fits; --json shows the warnings")
     note(args, f"took {time.perf_counter() - started:.0f} s")
     return 0
 
@@ -225,7 +225,7 @@ def _compare_system(args: argparse.Namespace, system: System, folder: Path | Non
 
     if args.equation != "force":
         raise ParameterError(
-            f"--equation is {args.equation}, and the simulator file is that of a {system.kind}, with one equation.",
+            f"--equation is {args.equation}, but SIM.toml is the file of a {system.kind}, which has one equation.",
             "no --equation",
             "Leave it out.",
         )

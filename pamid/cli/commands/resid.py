@@ -139,7 +139,7 @@ def _tell(name: str, test: ResidualTest, left: Left) -> None:
     print(table(["correlated with", "lags outside", "largest", "at lag", "chance"], rows))
     print(wrapped("", _verdict(test, left)))
     if silent := _left_out(test, left):
-        print(wrapped("", f"Not looked at: {', '.join(silent)}, which stand still or are hardly known."))
+        print(wrapped("", f"Not tested, since constant or mostly missing: {', '.join(silent)}."))
     print()
 
 
@@ -158,9 +158,9 @@ def _verdict(test: ResidualTest, left: Left) -> str:
     limit = 1.0 - test.level
     guilty = [name for name, p in test.p_input.items() if p < limit]
     if left.within_noise and (guilty or test.p_white < limit):  # a residual contains the noise of what it is made from
-        return "No larger than the noise explains: what it is correlated with may be that noise, and nothing is missed."
+        return "No larger than the noise explains: correlations may come from this noise, not from the model."
     if guilty:
-        return f"The model misses something of {listed(guilty)}: what they were foretells its residual."
+        return f"The model misses part of the effect of {listed(guilty)}, from which its residual can be predicted."
     if test.p_white < limit:
         return "Not white, but unrelated to the inputs: coloured noise, or a cause that no signal here shows."
-    return "White and unrelated to the inputs: nothing is left to be learnt from these signals by a linear model."
+    return "White and unrelated to the inputs: a linear model cannot learn anything more from these signals."

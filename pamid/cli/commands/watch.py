@@ -172,15 +172,15 @@ class _Silence:
             if not malformed:
                 self.since = time.monotonic()
         if self.bad >= _MANY:
-            return f"{self.bad} lines in a row are no samples, the last: {samples.last_problem}"
+            return f"{self.bad} lines in a row are not samples; the last is {samples.last_problem}"
         waited = time.monotonic() - self.since
         return f"no sample has come for {waited:.0f} s." if waited > _PATIENCE else ""
 
     def last(self, samples: Samples) -> str:
         """Return why a stream that has ended could not be watched."""
         if samples.problems["malformed"] and samples.interval is None:
-            return f"no line is a sample, such as {samples.last_problem}."
-        return "the stream ended while it was learnt from." if samples.interval else "hardly any samples came."
+            return f"no line is a sample; the last is {samples.last_problem}."
+        return "the stream ended during learning." if samples.interval else "hardly any samples came."
 
 
 class _Watcher:
@@ -349,11 +349,11 @@ def _said(event: dict[str, Any]) -> str:
     if kind == "sees":
         return f"{_moment(event)}  sees again"
     if kind == "run":
-        return f"{event['time']:9.2f} s  the stream restarts here; the calibration stays"
+        return f"{event['time']:9.2f} s  the stream restarts here; the calibration is kept"
     if kind == "stuck":
-        return f"{event['time']:9.2f} s  the sensor of {event['channel']} stands still; it is left out until it moves"
+        return f"{event['time']:9.2f} s  the sensor of {event['channel']} is stuck; it is ignored until it moves again"
     if kind == "change":
-        what = "; ".join(event["changes"]) or "nothing that the library holds explains it"
+        what = "; ".join(event["changes"]) or "no effect in the library explains it"
         return f"{event['time']:9.2f} s  {event['equation']} has changed: {what}"
     if kind == "finding":
         value = f", about {event['value']:.3g} {event['unit']}" if event["value"] == event["value"] else ""

@@ -27,7 +27,7 @@ from .rivals import rivals_of
 from .signs import worst
 from .sized import sized
 
-SHORT = "The diagnosis was interrupted: its sizes were fitted to the part of the log that was searched."
+SHORT = "The diagnosis was interrupted: the sizes of causes were fitted only to the part of the log that was searched."
 """What a diagnosis notes whose causes were not fitted to all rows."""
 MOST = 12
 """Number of sets of effects that a diagnosis reports."""

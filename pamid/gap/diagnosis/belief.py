@@ -39,7 +39,7 @@ def candidates(competition: Competition, verdict: Verdict) -> list[Candidate]:
         rows.append(Candidate(name, sure, float(scores.get(name, 0.0)), share, reason))
     untouched = [n for n in competition.library if n not in scores]
     rows += [
-        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log can test, or has nothing in it to act on")
+        Candidate(n, 0.0, 0.0, 0.0, "changes no equation that this log can test, or has nothing in the log to act on")
         for n in untouched
     ]
     # Causes come first in the order of the verdict; several of them may each be certain.

@@ -40,9 +40,9 @@ def steps_taken(deviations: Mapping[str, float], dt: float) -> list[str]:
         if method and (size := round(share, 2)) > 0.0:
             day = name.removeprefix(method)
             told.append(
-                f"The log{day} looks as if it was integrated by {METHODS[method]} in steps of "
-                f"{1e3 * share * dt:.2g} ms, {size:g} of a sample. The fit allows for "
-                "them, and does not call them a cause."
+                f"The log{day} looks as if it had been integrated by {METHODS[method]} in steps of "
+                f"{1e3 * share * dt:.2g} ms ({size:g} of a sample). The fit allows for these steps; "
+                "they do not count as a cause."
             )
     return told
 

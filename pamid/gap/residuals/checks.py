@@ -29,7 +29,7 @@ def check(log: BenchLog, params: BenchParameters, *, moving: bool = True) -> lis
     if moving and not moves(log):
         swing, rise = _motion(log)
         raise ExcitationError(
-            f"Hardly anything moves in the log: the angle by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
+            f"Hardly anything moves in the log: the angle changes by {swing:.2g} rad, the pressure by {rise:.2g} Pa.",
             "motion of at least 0.05 rad, or pressures that change by 0.2 bar",
             "Record sines of 1 to 10 rad/s with 10 to 25 degrees, steps, and a hold with both valves shut.",
         )

@@ -16,22 +16,22 @@ from .tolerances import rms
 from .window_length import HIDDEN, most_samples, window_noise
 
 ENDED = (
-    "A reading stands at the end of its sensor's range. This kind of model is evaluated row by row, which takes such "
-    "rows for motion; simulating it over stretches, which does not, would take too long. Leave these rows out."
+    "A reading stands at the end of its sensor's range. This kind of model is evaluated row by row, so such rows are "
+    "mistaken for real motion; simulating it over stretches would avoid this, but take too long. Leave these rows out."
 )
 PULLED = (
     "Noise in the readings biases fitted parameters by several standard errors: this kind of model is evaluated row by "
-    "row, and simulating it over stretches, which avoids the bias, would take too long. Runs with larger motion help; "
+    "row; simulating it over stretches would avoid the bias, but take too long. Runs with larger motion help; "
     "more runs like these, or filtering the log, do not."
 )
 HIDES = (
-    "Noise in the readings hides slow errors of the model's rates: this kind of model is evaluated row by row, and "
-    "simulating it over stretches, in which such errors add up, would take too long. Longer runs or "
+    "Noise in the readings hides slow errors of the model's rates: this kind of model is evaluated row by row; "
+    "simulating it over stretches, in which such errors add up and show, would take too long. Longer runs or "
     "less noise in the readings help."
 )
 BY_POSITION = (
-    "The acceleration is derived from {position}, which shows it with less noise than {velocity}; the two are compared "
-    "with each other."
+    "The acceleration is derived from {position}, which gives it with less noise than {velocity} does; the two are "
+    "also compared with each other."
 )
 AHEAD = 16
 """Rows over which it is asked whether a simulator goes on below zero: one alone may be less than the noise."""

@@ -56,7 +56,7 @@ from .window_length import Rate, no_windows, samples
 class DirectEvidence(MotionRates):
     """Residuals of the equations of a simulator whose states the log holds."""
 
-    how = "of the simulator's own equations, whose states the log holds, in the weak form"
+    how = "of the simulator's own equations in the weak form, since the log contains their states"
 
     def __init__(
         self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False, lines: bool = False
@@ -400,8 +400,9 @@ class DirectEvidence(MotionRates):
             self._through = carried(typical_slopes(self.simulator, self.simulator.states, *self._some()), self.log.dt)
         if best and best != self.simulator.own_step:
             self.notes.append(
-                f"The log looks as if the model had made it in steps of {1e3 * best:g} ms, not the "
-                f"{1e3 * self.simulator.own_step:g} ms it states. The fit uses these steps; they are no cause."
+                f"The log looks as if the model had produced it in steps of {1e3 * best:g} ms, not of the "
+                f"{1e3 * self.simulator.own_step:g} ms that it states. The fit uses these steps; they do not count as "
+                "a cause."
             )
 
     def _windowed(

@@ -305,8 +305,9 @@ class PortEvidence(WindowNoise, Settled, ABC):
         between = port_effects()[name][0] == "link" and ends_of(where) is None
         if between or where not in known:
             can = list(dict.fromkeys(p.port for p in self.placements.values() if p.name == name)) or sorted(known)
+            what = "only one port" if between else "no port of the simulator"
             raise UnknownOptionError(
-                f"The effect {name} is at {where!r}, which is {'one port' if between else 'no port of the simulator'}.",
+                f"The effect {name} is at {where!r}, which is {what}.",
                 f"one of {', '.join(can)}",
                 "Correct 'at' under [[effects]].",
             )

@@ -224,7 +224,7 @@ class PredictedEvidence(StretchEvidence):
         raise SimulatorRunError(
             f"The simulator's prediction of {what} is {value} after {row * self.log.dt:.6g} s from "
             f"{self.log.t[first]:.6g} s of '{run}'. {self.simulator.undefined}",
-            "finite rates and outputs wherever the simulator goes",
+            "finite rates and outputs in all states that a run reaches",
             "Correct the simulator, or its parameters and inputs.",
         )
 

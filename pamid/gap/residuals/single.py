@@ -162,7 +162,7 @@ class SignalEvidence(PortEvidence):
         """Return the sentence on residuals of which a flexible learner predicts a share."""
         told = [_NOISE.format(100.0 * share)]
         if self.equation.sense < 0:
-            told.append("Effects are added to y, which is taken to be the driving force, not the delivered one.")
+            told.append("Effects are added to y, which is assumed to be the driving force, not the delivered one.")
         if still := [self.spoken(role) for role in self.equation.table if self.sizes.spans[role] == 0.0]:
             told.append(f"Constant, so no cause can depend on it: {', '.join(still)}.")
         return told
