@@ -243,7 +243,7 @@ WHAT_TO_DO = {
     "UnstableRunWarning": "Shorten the free run or fit to more runs; `held` in `simulate`'s result marks the rows.",
     "AdaptationWarning": "Check signs, units and diameter; use a source more like the target, or fit without one.",
     "EffectsWarning": "Use the corrected simulator, which includes the cause, instead of this model.",
-    "SimulatorWarning": "Use the same seed in each call, and keep no state between calls.",
+    "SimulatorWarning": "Use the same seed, keep no state between calls, or correct the column.",
     "StreamChangeWarning": "Check the sensors; if the muscle has changed, fit again to the rows after the change.",
     "VolumeWarning": "Check units, signs and lengths; record runs that change the pressure faster.",
     "InterruptedFitWarning": "Nothing, if you stopped the fit; otherwise fit again.",

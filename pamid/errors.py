@@ -386,7 +386,7 @@ class EffectsWarning(PamidWarning):
 
 
 class SimulatorWarning(PamidWarning):
-    """A user's simulator is random, or keeps state between calls."""
+    """A user's simulator is random, keeps state between calls, or names a column that the log lacks."""
 
 
 class StreamChangeWarning(PamidWarning):

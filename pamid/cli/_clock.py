@@ -1,4 +1,4 @@
-"""The unit of a clock that states none: as fast as the states change, else seconds where it counts rows one by one."""
+"""The unit of a clock that states none: as fast as the simulator's states or outputs change, else seconds."""
 
 import contextlib
 import math
@@ -9,41 +9,42 @@ import numpy as np
 from ..errors import PamidError
 from ..signals.guess import Guess
 from ..signals.units import UNITS
-from ..simulators import Simulator
+from ..simulators import ControlSimulator, Simulator
 from ..simulators.port_log import PortLog, port_log
 from ..systems.draft import Draft
 
 _OF_CLOCKS = ("ns", "us", "ms", "s", "min", "h")
-_DAY = 86_400
-"""Rows beyond which one a second would last longer than a day."""
+_DAY, _STAMP = 86_400, 1e9
+"""What a clock in seconds rarely exceeds; and what it does not if it is called time, as the tidy table's is."""
 _NEAR = math.log(5.0)
 """Logarithm of the factor up to which the states change as fast as a simulator's: two units are at least 60 apart."""
 _SAME = 0.7
 """Correlation below which a simulator does not say how its states change."""
+_HALF = 0.5
+"""Share of the outputs' error in seconds below which another unit is right."""
 _ROWS = 5_000
 _WINDOWS = 50
 
 
 def count_seconds(draft: Draft) -> None:
-    """Take an unstated clock that counts 0, 1, 2, ... for seconds."""
-    if (clock := _open_clock(draft)) is None:
-        return
-    frame = draft.table.frame
-    values = frame.iloc[:, clock.column] if isinstance(clock.column, int) else frame[clock.column]
-    t = values.to_numpy(dtype=float, na_value=np.nan)
-    steps = np.diff(t[np.isfinite(t)])
-    if len(steps) and np.median(steps) == 1.0 and np.nanmax(t) < _DAY and np.all(np.mod(steps, 1.0) == 0.0):
+    """Take an unstated clock for seconds, as a log is read without a mapping, where no other unit stands out."""
+    clock = _open_clock(draft)
+    if clock is not None and clock.unit and clock.high < (_STAMP if clock.column == "time" else _DAY):
         _count(draft, "s")
 
 
 def count_as_simulated(draft: Draft, simulator: Simulator) -> None:
-    """Give an unstated clock the unit in which the logged states change as fast as a simulator says, if it says it."""
+    """Give an unstated clock the unit in which the log changes as fast as a simulator says, if it says it."""
     clock = _open_clock(draft)
-    if clock is None or simulator.form != "ode":
+    if clock is None:
         return
     with contextlib.suppress(PamidError, NotImplementedError):  # reported where log and simulator are compared
         log = port_log(draft.read(), simulator)
-        if set(simulator.states) <= log.channels.keys() and (times := _speed(simulator, log)):
+        every = simulator.form == "ode" and set(simulator.states) <= log.channels.keys()
+        times = _speed(simulator, log) if every else 0.0
+        if isinstance(simulator, ControlSimulator) and not every:
+            times = _speed_of_outputs(simulator, log, UNITS[clock.unit or "s"].factor)
+        if times:
             factor = times * UNITS[clock.unit or "s"].factor
             near = min(_OF_CLOCKS, key=lambda u: abs(math.log(UNITS[u].factor / factor)))
             if abs(math.log(UNITS[near].factor / factor)) < _NEAR:
@@ -76,3 +77,36 @@ def _speed(simulator: Simulator, log: PortLog) -> float:
         if np.isfinite(size) and size > 0.0 and together > _SAME * math.sqrt(size):
             found.append(together / float(np.sum(said**2)))
     return float(np.median(found)) if found else 0.0
+
+
+def _speed_of_outputs(simulator: ControlSimulator, log: PortLog, second: float) -> float:
+    """Return the same for a linear system by its outputs in each unit, or its own step; 0 where seconds are as good."""
+    if not (simulator.states and set(simulator.outputs) & log.channels.keys()):
+        return 0.0
+    if simulator.step:
+        return simulator.step / log.dt if simulator.step != 1.0 else 0.0
+    errors = {times: _error(simulator, log, times) for times in (UNITS[u].factor / second for u in _OF_CLOCKS)}
+    best = min(errors, key=lambda times: errors[times])
+    return best if errors[best] < _HALF * errors[1.0 / second] else 0.0
+
+
+def _error(simulator: ControlSimulator, log: PortLog, times: float) -> float:
+    """Return the error of a linear system's outputs on the first run, in samples so many times as long."""
+    from scipy.linalg import expm
+
+    n, end = len(simulator.states), min(log.spans[0][1], _ROWS)
+    u, known = log.inputs(simulator)[:, :end], [k for k, name in enumerate(simulator.outputs) if name in log.channels]
+    x = np.zeros((end, n, 1 + n))  # from rest, and from each state alone
+    x[0, :, 1:] = np.eye(n)
+    with np.errstate(all="ignore"):
+        step = expm(times * log.dt * np.block([[simulator.A, simulator.B], [np.zeros((len(u), n + len(u)))]]))
+        for k in range(end - 1):
+            x[k + 1] = step[:n, :n] @ x[k]
+            x[k + 1, :, 0] += step[:n, n:] @ u[:, k]
+        y = np.concatenate([simulator.C[k] @ x for k in known])
+        forced = y[:, 0] + (simulator.D[known] @ u).ravel()
+        left = np.concatenate([log.channels[simulator.outputs[k]][:end] for k in known]) - forced
+    if not (np.isfinite(y).all() and np.isfinite(left).all()):
+        return math.inf
+    free = np.linalg.lstsq(y[:, 1:], left, rcond=None)[0]
+    return float(np.linalg.norm(left - y[:, 1:] @ free))

@@ -4,6 +4,7 @@ import re
 from collections.abc import Mapping
 
 from ..errors import MissingColumnError, ParameterError, UnitError
+from ..signals.headers import read_header
 from ..signals.unit_names import find_unit, parse_quantity, unit_name
 from ..signals.units import SI_UNITS, UNITS, dimension_of
 from ..simulators import EquationSimulator, ModelParameter, Port, Simulator, page_text
@@ -41,6 +42,7 @@ def declare_equations(draft: Draft, equations: Mapping[str, str], numbers: Mappi
             f"names that the equations use: {', '.join(sorted(named))}",
             "Remove it, or name it in an equation.",
         )  # fmt: skip
+    draft.in_si = True
     inputs = sorted(named - set(rates) - set(numbers))
     draft.ports = (
         *(Input(name, "", "state", needed=False) for name in rates),
@@ -96,8 +98,10 @@ def _simulator(
 
 
 def _unit_of(draft: Draft, name: str) -> str:
-    """Return the SI unit of a signal's column."""
+    """Return the SI unit of a signal's column, or the unit that its own name in the equations ends in."""
     column = draft.of(name)
+    if column is not None and column.column == name and not column.unit and (unit := read_header(name).unit):
+        return unit if read_header(name).clear or unit in SI_UNITS.values() else ""
     if column is not None and column.unit:
         return SI_UNITS[find_unit(column.unit).dimension]
     made = in_si(composed_unit(column.column)) if column is not None else None

@@ -8,12 +8,13 @@ from pathlib import Path
 import numpy as np
 
 from ..errors import PamidError
-from ..signals._tidy import numbers_of, sampling_period, to_si
+from ..signals._tidy import for_port, numbers_of, sampling_period, to_si
 from ..signals.headers import read_header
 from ..signals.mapping import SignalMapping
-from ..signals.unit_names import find_unit, parse_quantity
-from ..signals.units import SI_UNITS
+from ..signals.unit_names import parse_quantity
+from ..signals.units import UNITS
 from ..simulators import Port, Simulator, page_text
+from ..simulators.absent import closest
 from ..simulators.likeness import dimension
 from ..simulators.matching import Match, matches
 from ..simulators.motion import rate_between
@@ -25,9 +26,34 @@ def declare_model(draft: Draft, simulator: Simulator) -> None:
     """Give a draft the signals of a model: its inputs, readings and states."""
     draft.ports = tuple(Input(p.source, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
     draft.runs_code = simulator.executes
-    for port in _signals(simulator):  # a simulator file may say the column itself
-        if port.column in (str(g.column) for g in draft.guesses):
-            draft.assign(port.column, port.column)
+    headers = [str(g.column) for g in draft.guesses]
+    for port in _signals(simulator):  # a simulator file may say the column itself, with its unit or without
+        if port.column and (column := _header(port.column, headers)):
+            unit = _last_word(port, column)
+            draft.assign(port.column, column, unit)
+            if unit and unit != draft.unit_of(port.column):
+                draft.suppose(port.column, f"ASSUMED: in {unit}, as its header says")
+
+
+def by_source(simulator: Simulator, pair: str) -> str:
+    """Return a ``SIGNAL=...`` of the command line with the column that a simulator file names for this port, if any."""
+    name, equals, rest = pair.partition("=")
+    sources = {p.name: p.source for p in _signals(simulator)}
+    name = name.strip()
+    return f"{name if name in sources.values() else sources.get(name, name)}{equals}{rest}"
+
+
+def _header(name: str, headers: Sequence[str]) -> str:
+    """Return the header that a simulator file names, as written or without its unit; empty where there is none."""
+    alike = [h for h in headers if for_port(h, {name: ""})[0] == name]
+    return name if name in headers else alike[0] if len(alike) == 1 else ""
+
+
+def _last_word(port: Port, column: str) -> str:
+    """Return the unit in the last word of a column whose name is not the port's own, if it is one beyond doubt."""
+    header = read_header(column)
+    known = header.unit if header.clear and not header.bracketed and column != port.name else None
+    return known if known and UNITS[known].dimension == dimension(port.unit) else ""
 
 
 def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[str, str]]:
@@ -36,7 +62,11 @@ def columns_of(draft: Draft, simulator: Simulator) -> tuple[list[Match], dict[st
     ports = _signals(simulator)
     given = {p.name: said[p.source] for p in ports if p.source in said}
     t, frame = first_run(draft)
-    return matches(simulator, ports, frame, t, given)
+    found, doubts = matches(simulator, ports, frame, t, given)
+    open_ = [p for p in ports if p.column and p.name not in given and p.name not in {m.port for m in found}]
+    headers = [str(g.column) for g in draft.guesses if g.signal not in said]
+    lost = {p.name: f"the log lacks {p.column}" for p in open_ if closest(p.column, headers, ports)}
+    return found, {**lost, **doubts}
 
 
 def first_run(draft: Draft) -> tuple[np.ndarray, dict[str, np.ndarray]]:
@@ -68,12 +98,26 @@ def take(draft: Draft, simulator: Simulator, found: Sequence[Match], doubts: Map
     """Assign to a draft what was found; what is guessed is marked in its files."""
     sources = {p.name: p.source for p in _signals(simulator)}
     for match in found:
-        signal = sources[match.port]
+        signal, named = sources[match.port], simulator.port(match.port).column
         draft.assign(signal, match.column, match.unit)
-        draft.suppose(signal, f"ASSUMED: {match.why}" if match.why else "")
+        why = match.why or (f"the log lacks {named}, which the simulator file names" if named else "")
+        draft.suppose(signal, f"ASSUMED: {why}" if why else "")
     for port, doubt in doubts.items():
         if draft.of(sources[port]) is not None:
             draft.suppose(sources[port], f"ASSUMED, DOUBTFUL: {doubt}")
+    for p in _signals(simulator):
+        unit, guess = _as_logged(draft, p), draft.of(p.source)
+        if p.source not in draft.supposed and unit and guess is not None and UNITS[unit][1:3] != (1.0, 0.0):
+            draft.suppose(p.source, f"ASSUMED: in {unit}, as in the log, since the port has no unit")
+
+
+def _as_logged(draft: Draft, port: Port) -> str:
+    """Return the unit in a header whose values are taken as they stand, for a port without a unit."""
+    guess = draft.of(port.source)
+    if _plain(port.unit) or guess is None or guess.unit or guess.scale != 1.0:
+        return ""
+    header = read_header(str(guess.column))
+    return header.unit or "" if header.clear else ""
 
 
 def join(draft: Draft, simulator: Simulator, found: Sequence[Match]) -> str:
@@ -133,13 +177,14 @@ def without_column(draft: Draft, simulator: Simulator, doubts: Mapping[str, str]
 
 def with_units(draft: Draft, simulator: Simulator) -> None:
     """Give the ports of a python-control system, which has no units, those of their columns."""
-
-    def unit(signal: str) -> str:
-        column = draft.of(signal)
-        return SI_UNITS[find_unit(column.unit).dimension] if column is not None and column.unit else "-"
-
-    if simulator.kind == "control":
-        simulator.ports = tuple(replace(p, unit=unit(p.source)) if p.unit == "-" else p for p in simulator.ports)
+    if simulator.kind != "control":
+        return
+    units = {
+        p.name: (guess.unit or _as_logged(draft, p) if (guess := draft.of(p.source)) else "")
+        for p in _signals(simulator)
+    }
+    simulator.ports = tuple(replace(p, unit=units.get(p.name) or "-") if p.unit == "-" else p for p in simulator.ports)
+    draft.ports = tuple(Input(p.source, _plain(p.unit), p.kind, needed=False) for p in _signals(simulator))
 
 
 def is_plain(draft: Draft, found: Sequence[Match] = ()) -> bool:

@@ -2,6 +2,7 @@
 
 import difflib
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -154,7 +155,7 @@ def _by_own_names(
     for position, column in enumerate(raw.columns):
         if position == skip:
             continue
-        name, unit = (str(column).strip(), None) if column in elements else _name_and_unit(column)
+        name, unit = (str(column).strip(), None) if column in elements else for_port(str(column), mapping.own)
         if name.lower() == "time" and "time" not in map(str, raw.columns):
             name = "time"
         text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
@@ -168,6 +169,16 @@ def _by_own_names(
     if not signals:
         raise MissingColumnError(f"{path.name} has no numeric column.", "signals", "Check the export.")
     return signals
+
+
+def for_port(column: str, own: Mapping[str, str]) -> tuple[str, str | None]:
+    """Return a column's name and unit as a simulator file writes them: the name with its unit or without."""
+    header, match = column.strip(), _NAME_WITH_UNIT.match(column)
+    known = unit_name(match[2]) if match else None
+    if match is None or known is None or not {header, match[1]} & own.keys():
+        return _name_and_unit(column)
+    name = header if header in own else match[1]
+    return name, None if own[name] == "-" else known  # what has no unit is as the log has it
 
 
 def _name_and_unit(column: object) -> tuple[str, str | None]:

@@ -41,6 +41,12 @@ class Header(NamedTuple):
     bare: str = ""
     """The name without its unit, letter by letter."""
 
+    @property
+    def clear(self) -> bool:
+        """Whether its unit can be no other word or letter, as ``in`` and the ``m`` of a motor can."""
+        unit = self.unit or ""
+        return self.bracketed or not (unit in _ASIDES or (unit.isalpha() and len(unit) < 2))
+
 
 def read_header(name: str) -> Header:
     """Read words, unit (in brackets, after a slash, comma or "in", or last) and reference from a column's name."""
@@ -52,7 +58,7 @@ def read_header(name: str) -> Header:
     tokens = _tokens(rest.strip().lstrip("%"))
     bare = rest.strip()
     if not bracketed:
-        tokens, unit = _last_word(tokens)
+        tokens, unit = _quotient(rest, tokens) or _last_word(tokens)
         bare = "_".join(tokens) if unit else bare
     words = [t.casefold() for t in [*tokens, *asides]]
     said = set(words)
@@ -102,6 +108,13 @@ def _behind_a_mark(name: str) -> tuple[str, str | None, str]:
 def _tokens(text: str) -> list[str]:
     spaced = re.sub(rf"(?<=[a-zäöüß])(?=[A-Z]){WITH_D}|(?<=[A-Za-zäöü])(?=\d)", " ", text)
     return [w for w in re.split(r"[^\w°%µ]+|_", spaced) if w]
+
+
+def _quotient(name: str, tokens: list[str]) -> tuple[list[str], str] | None:
+    """Find a unit such as g/L or kg/m3 in the last two words of a name: its L is not "left", its 3 no number."""
+    words = re.split(r"[\W_]+", name.strip())
+    unit = unit_name("/".join(words[-2:])) if len(words) > 2 and all(words[-2:]) else None
+    return (tokens[: -len(_tokens("_".join(words[-2:])))], unit) if unit else None
 
 
 def _last_word(tokens: list[str]) -> tuple[list[str], str | None]:

@@ -140,7 +140,7 @@ def mapping_for(
     simulator: AnySimulator | None, mapping: LogMapping | Mapping[str, Any] | PathLike | None, check_units: bool = True
 ) -> tuple[LogMapping, bool]:
     """Return a mapping to the ports of a simulator, if it has its own, and whether values must look like their unit."""
-    own = {} if simulator is None else {port.source: port.unit for port in simulator.own_ports}
+    own = {} if simulator is None else {port.source: port.unit or "-" for port in simulator.own_ports}
     return LogMapping.load(mapping, own), check_units and not own
 
 

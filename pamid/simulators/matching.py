@@ -232,7 +232,21 @@ class _Matcher:
         rest = [c for c in free if c.name not in found.values()]
         if len(open_) == 1 == len(rest) and role_score(open_[0], rest[0]) > -math.inf:
             found[open_[0].port.name] = rest[0].name
+        found = found or self._by_unit(pairs)
         self.left_over |= set(found)
+        return found
+
+    def _by_unit(self, pairs: Mapping[str, str]) -> dict[str, str]:
+        """Match the only port left over of a dimension with the only column whose last letter is a unit of it."""
+        known = {**pairs, **self.rivals}
+        places = [p for p in self.places if p.port.name not in known and p.dimension and p.port.start is None]
+        free = [c for c in self.columns if c.name not in pairs.values() and c.unit[:1].isupper()]  # an m may be a motor
+        found = {}
+        for dim in dict.fromkeys(p.dimension for p in places):
+            ports = [p for p in places if p.dimension == dim]
+            said = [replace(c, dimensions=frozenset((dim,))) for c in free if c.dimension == dim]
+            if len(ports) == 1 == len(said) and role_score(ports[0], said[0]) > -math.inf:
+                found[ports[0].port.name] = said[0].name
         return found
 
     def _may_be(self, place: Place, column: Column) -> bool:
@@ -278,7 +292,9 @@ class _Matcher:
         self, match: Match, place: Place, column: Column, degrees: Mapping[str, str], known: Mapping[str, Match],
         doubts: dict[str, str],
     ) -> Match | None:  # fmt: skip
-        stated = column.unit if column.dimension == place.dimension else ""
+        header = read_header(column.name)
+        own = not header.bracketed and letters(column.name) == letters(place.port.name)  # the port's name ends so, too
+        stated = column.unit if column.dimension == place.dimension and not own else ""
         under = known.get(self.place_under.get(place.port.name, ""))
         below = known.get(self.supposed_under.get(place.port.name, ""))
         if below is not None and not stated:  # only the samples show that one is the other's derivative, no joint does
@@ -306,7 +322,8 @@ class _Matcher:
             return replace(match, unit=stated, why="" if match.named else f"{basis}; in {stated}, as its header says")
         if match.port in degrees:
             return replace(match, unit="deg", why=degrees[match.port])
-        if (unread := read_header(column.name).unread) and not self._in_a_list(column.name):
+        unread = header.unread if place.port.unit not in ("-", header.unread) else ""
+        if unread and not self._in_a_list(column.name):
             doubts[match.port] = f"{unread} is not a known unit: say which it is"
         beyond = self._beyond(match.port, column, 1.0) if place.dimension else ""
         if beyond:
@@ -314,6 +331,8 @@ class _Matcher:
             return replace(match, unit=_own(place), why=beyond)
         if place.dimension and match.port not in self.ranges and (far := self._far(column, place)):
             return replace(match, unit=_own(place), why=far)
+        if own and column.unit and column.dimension == place.dimension and column.unit != _own(place):
+            return replace(match, unit=_own(place), why=f"in {place.port.unit}, though its name may say {column.unit}")
         what = f", read in {place.port.unit}" if place.dimension else ""
         return replace(match, unit=_own(place) if column.unit else "", why="" if match.named else f"{basis}{what}")
 

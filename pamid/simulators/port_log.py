@@ -15,6 +15,7 @@ from ..signals.ends import end_of
 from ..signals.formats import is_measured
 from ..signals.mapping import LogMapping
 from ..signals.stretches import stretches_of
+from .absent import meant, notes_of_absent
 from .base import Simulator
 from .interpolated import Interpolated
 
@@ -124,9 +125,10 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     if "time" not in log.columns:
         lacking.insert(0, "time")
     there = [p for p in signals if p.source in log.columns]
+    columns = [str(c) for c in log.columns]
     if lacking:
         raise MissingColumnError(
-            f"The log lacks {', '.join(lacking)}; it has {has}.",
+            f"The log lacks {', '.join(lacking)}; it has {has}.{meant(lacking, columns, signals)}",
             f"time, and a column for each input: {', '.join(p.source for p in wanted if p.name not in mute) or 'none'}",
             "Name the columns in [ports], or map them ('pamid init' writes both). A constant input needs "
             "none if its port has start = VALUE and no column.",
@@ -134,9 +136,11 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     # A simulator of whole runs returns its outputs alone: states are where runs begin.
     shown = ("output",) if simulator.form == "run" else ("output", "state")
     if not any(p.kind in shown for p in there):
+        unread = [p.source for p in signals if p.kind in shown]
         raise MissingColumnError(
-            f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}.",
-            f"at least one of {', '.join([p.source for p in signals if p.kind in shown][:20])}",
+            f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}."
+            f"{meant(unread, columns, signals)}",
+            f"at least one of {', '.join(unread[:20])}",
             "Name the columns in [ports], or let 'pamid init LOG --sim MODEL' map them.",
         )
     if "trajectory" in log.columns and is_measured(log["trajectory"], LogMapping()):
@@ -145,7 +149,7 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
             "the name of each row's run",
             "Rename the column.",
         )
-    pieces, notes = _runs(log, [p.source for p in there]), []
+    pieces, notes = _runs(log, [p.source for p in there]), notes_of_absent(columns, signals)
     if not pieces:
         raise ShortTrajectoryError(
             f"No run of the log has {_LEAST} rows.", f"runs of at least {_LEAST} rows", "Record longer runs."

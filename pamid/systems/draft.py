@@ -13,7 +13,7 @@ from ..errors import MappingError, UnitError
 from ..names import require_one_of
 from ..signals.formats import RawTable
 from ..signals.guess import Guess, guess_columns, guess_kind, with_unit
-from ..signals.headers import read_header
+from ..signals.headers import Header, read_header
 from ..signals.log import find_logs, read_log
 from ..signals.mapping import LogMapping, SignalMapping
 from ..signals.mapping_text import mapping_text
@@ -71,6 +71,8 @@ class Draft:
     """Constants of the files that a pattern names."""
     ports: tuple[Input, ...] = ()
     """Signals of equations of one's own, instead of those of a kind."""
+    in_si: bool = False
+    """Whether ports without a unit are in SI, as in equations; else they are as the log has them."""
     page: str = ""
     """Their page."""
     runs_code: bool = False
@@ -181,9 +183,12 @@ class Draft:
 
     def _composed(self, signal: str, column: str, unit: str, scale: float) -> tuple[str, float]:
         """Return a unit and a factor of a simulator's signal, a unit that is made of others as its factor."""
-        said = unit or (composed_unit(column) if scale == 1.0 else "")
         port = next((i for i in self.ports if i.name == signal), None)
-        made = in_si(said) if said and port is not None and unit_name(said) is None else None
+        other = port is not None and bool(port.unit) and unit_name(port.unit) is None  # such as m3/min
+        said = unit
+        if not said and scale == 1.0 and (self.in_si or (port is not None and port.unit)):
+            said = composed_unit(column) or (read_header(column).unit or "" if other else "")
+        made = in_si(said) if said and port is not None and (other or unit_name(said) is None) else None
         if made is None:
             return unit, scale
         wanted = in_si(port.unit) if port is not None and port.unit else (1.0, made[1])
@@ -206,10 +211,22 @@ class Draft:
 
     def _own_unit(self, name: str | int, signal: str, source: str) -> str:
         """Return the unit in the header of a column, where it suits the signal that the column is said to be."""
-        unit = read_header(name).unit if isinstance(name, str) else None
-        wanted = None if self.ports else SignalMapping(source=source).dimension(signal)
-        unit = unit_name(unit, wanted) if unit else None
+        header = read_header(name) if isinstance(name, str) else Header([])
+        if self.ports and header.unit:
+            return header.unit if self._may_take(signal, str(name), header) else ""
+        wanted = SignalMapping(source=source).dimension(signal)
+        unit = unit_name(header.unit, wanted) if header.unit else None
         return unit if unit and wanted in (None, UNITS[unit].dimension) else ""
+
+    def _may_take(self, signal: str, column: str, header: Header) -> bool:
+        """Return whether the unit in a header is that of a port's column, rather than a part of the port's name."""
+        port = next((i for i in self.ports if i.name == signal), None)
+        if port is None or (header.bracketed and port.unit):
+            return True  # the clock, or checked already
+        if not port.unit:
+            return self.in_si and (header.bracketed or column != signal)
+        wanted = unit_name(port.unit)
+        return column != signal and wanted is not None and UNITS[wanted].dimension == UNITS[str(header.unit)].dimension
 
     def _is_own(self, signal: str, unit: str) -> bool:
         """Return whether a simulator uses a name for another quantity than usual, such as ``u`` for a force."""

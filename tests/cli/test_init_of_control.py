@@ -53,7 +53,7 @@ def test_a_system_in_a_python_file_gets_a_simulator_file(cell: Path, capsys: pyt
     assert main([*argv, "cell.py:made", "--trust"]) == 0
     assert "--sim setup/sim.toml --trust" in capsys.readouterr().out
     made = read_simulator(cell / "setup" / "sim.toml", trust=True)
-    assert [made.port(name).unit for name in ("Current", "rise")] == ["A", "V"]
+    assert [made.port(name).unit for name in ("Current", "rise")] == ["A", "mV"]
     assert made.hidden_states == ("x0",)
 
 

@@ -258,6 +258,11 @@ def test_a_unit_with_a_slash_is_not_cut_at_it() -> None:
     ]  # fmt: skip
 
 
+def test_the_last_two_words_may_be_a_quotient() -> None:
+    names = ("biomass_g_L", "rho_kg_m3", "acc_m_s2", "p_bar_l", "v_m_s_2", "flow_L_min", "w_m")
+    assert [read_header(name).unit for name in names] == ["g/L", "kg/m3", "m/s2", "bar", "m/s", "L/min", "m"]
+
+
 def test_what_is_matched_leaves_one_choice_for_others() -> None:
     ports = [Port("P_heat", "input", "W"), Port("T_env", "input", "K"), Port("T", "state", "K")]
     simulator = FunctionSimulator(lambda t, x, u, p: [u.P_heat - x.T + u.T_env], ports)

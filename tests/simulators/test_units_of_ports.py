@@ -110,7 +110,7 @@ def outcome(port: str, header: str, factor: float, whole: pd.DataFrame, folder: 
     if np.allclose(read, whole[port], rtol=1e-3, atol=1e-6 * np.ptp(whole[port])):
         return "converted"
     doubts = [line for line in (said.out + said.err).splitlines() if header in line or port in line]
-    told = ("ASSUMED", "assumed", "looks like", "seems to be", "doubt", "?", "no signal")
+    told = ("ASSUMED", "assumed", "looks like", "seems to be", "doubt", "?", "has no column")
     if any(word in line for line in doubts for word in told):
         return f"told: {doubts}"
     for command in ("check", "evaluate"):

@@ -139,6 +139,7 @@ def _of_model(args: argparse.Namespace) -> int:
     from ...systems.draft import draft_for
     from .._clock import count_as_simulated, count_seconds
     from .._models import (
+        by_source,
         columns_of,
         declare_model,
         is_plain,
@@ -160,8 +161,8 @@ def _of_model(args: argparse.Namespace) -> int:
     if simulator.kind != "mujoco":  # a mechanism moves too fast for one row a second
         count_seconds(draft)
     for pair in args.signal:
-        assign(draft, pair)
-    hold(draft, pairs(args.constant, "--constant"))
+        assign(draft, by_source(simulator, pair))
+    hold(draft, pairs([by_source(simulator, pair) for pair in args.constant], "--constant"))
     found, doubts = columns_of(draft, simulator)
     columns = {m.port: m.column for m in found}
     if not given_page:
@@ -179,11 +180,12 @@ def _of_model(args: argparse.Namespace) -> int:
     draft.settle()
     if args.trust or not simulator.executes:
         count_as_simulated(draft, simulator)
+    if not given_page:
+        with_units(draft, simulator)
     log = tried(draft, draft.read)
     known = {p.name: p.source for p in simulator.ports if draft.of(p.source) is not None or p.source in draft.fixed()}
     missing = lacking(simulator, known, doubts)
     if not given_page:
-        with_units(draft, simulator)
         draft.page = model_page(simulator, known, folder, mapped=True)
     if not args.json:
         show(draft)
