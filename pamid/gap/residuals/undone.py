@@ -197,11 +197,13 @@ class UndoneEvidence(PortEvidence, ABC):
         def made() -> tuple[np.ndarray, np.ndarray]:
             drawn, changed = self._noisier(spec)
             scale, grown = np.ones(len(self.value)), np.ones(len(self.value))
-            for part, a in zip(self.parts, self._amplified(self.active(spec)), strict=True):
+            active = self.active(spec)
+            for part, a, slopes in zip(self.parts, self._amplified(active), self._steep(active), strict=True):
                 usual, new = rms(drawn[part]), rms(changed[part])
                 if usual > 0.0 and new > 0.0:
-                    scale[part] = min(a, new / usual)
-                    grown[part] = max(1.0, new / usual / a)
+                    s = slopes * (new / usual / rms(slopes))
+                    scale[part] = np.minimum(a, s)
+                    grown[part] = np.maximum(1.0, s / a)
             return scale, grown
 
         return self._spreads.get(_key(spec), made)
@@ -259,6 +261,26 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return whether an effect follows noisy readings as the model does, so that both may cancel."""
         follows = place.acts and not place.effect.path_dependent
         return place.enters == "parameter" or follows or bool(set(place.readings) & set(self.simulator.states))
+
+    def _steep(self, active: Active) -> list[np.ndarray]:
+        """Return by how much faults without memory, once undone, amplify the noise of a reading in each window."""
+        log, found = self.log, []
+        for b, firsts, moves in zip(self.balances, self._first, self._moving, strict=True):
+            faults = [
+                (place, made) for place, made in active
+                if b.channel in place.readings and b.channel in self.simulator.states and not self._filters(place)
+            ]  # fmt: skip
+            slope, x, h = np.ones(log.n), log.channels[b.channel], SMALL * self.channel_noise(b.channel)
+            for place, made in faults:
+                low, x, high = (place.truth(made, y, log.dt, log.starts) for y in (x - h, x, x + h))
+                slope = slope * (high - low) / (2.0 * h)
+            power = [
+                average(np.square(slope[a:e]), self.n, b.order + 1, first)
+                for (a, e), first in zip(log.spans, firsts, strict=True)
+            ]
+            steep = np.concatenate(power)[moves]
+            found.append(np.sqrt(np.where(steep > 0.0, steep, 1.0)))  # behind a limit nothing is read
+        return found
 
     def _amplified(self, active: Active) -> list[float]:
         """Return by how much effects that are undone in readings amplify the measured side of each equation."""
