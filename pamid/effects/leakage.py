@@ -37,7 +37,7 @@ class PortLeakage(Leakage):
     .. math:: \dot x = -C\,\mathrm{sgn}(x)\,x_1\,|x / x_1|^n
 
     with n = 1 through a narrow gap or a resistance, 1/2 through a hole, and one unit of the port for :math:`x_1`; of a
-    gas as in `Leakage`.
+    pressure above that of the surroundings with their :math:`\psi` of `Leakage`, and of a mass flow with its density.
 
     References
     ----------
@@ -47,13 +47,16 @@ class PortLeakage(Leakage):
     exponent = parameter("-", 0.4, 1.0, 1.0, "1 through a narrow gap or a resistance, 1/2 through a hole")
     unit_size: ClassVar[float] = 1.0
     """Size of one unit of the port, Pa."""
+    of_mass: ClassVar[bool] = False
+    """Whether what leaks is a mass of gas."""
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return what leaks: nothing from where nothing is."""
         there = np.where(s.pressure == 0.0, self.unit_size, s.pressure)
         a, b = super().flow(s.with_(pressure=there), x, plant)
         size = 1.0 if self.exponent == 1.0 else np.abs(there / self.unit_size) ** (self.exponent - 1.0)
-        return FlowTerm(a * size * (s.pressure / there), b)
+        density = 1.0 if self.of_mass else plant.reference_density
+        return FlowTerm(a / density * size * (s.pressure / there), b)
 
 
 class Passage(Effect):

@@ -30,7 +30,7 @@ from .residuals.protocol import Spec
 from .residuals.shooting import ShootingEvidence
 from .residuals.single import SignalEvidence
 from .residuals.untested import untested
-from .settings import EXCESS
+from .settings import EXCESS, LEAST_GAIN
 from .simulated import added, evidence_of, learn, otherwise, outward, runner
 
 if TYPE_CHECKING:
@@ -41,6 +41,10 @@ DROWNED = (
     "noise and hide the rest."
 )
 UNSEEN = "The readings were predicted rather than put into the equations, where their noise hides how a force acts."
+PULLED = (
+    "The readings were predicted rather than put into the equations, where noise in the readings would change a "
+    "parameter together with a cause."
+)
 BURIED = "The readings were predicted rather than put into the equations, in each of which noise exceeds the gap."
 
 
@@ -127,6 +131,9 @@ def diagnose_evidence(
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
+            best = outcome.best.fit
+            if verdict.named and max(searched.pulled_under(best.spec, best.x)) > LEAST_GAIN:
+                raise UnjudgedError(PULLED)
             doubted = verdict.reserved or not verdict.named
             if doubted and any(map(searched.hides, about_as_good(outcome))):
                 raise UnjudgedError(UNSEEN)

@@ -18,21 +18,28 @@ range (``scipy.stats.studentized_range.sf(8, 100, inf)``)."""
 
 
 def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
-    """Return the rows in which a moving position rests: it changes by no more than its noise over `DURATION`."""
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    """Return the rows in which a moving position rests: it changes by no more than its noise over `DURATION`.
 
-    n = max(ROWS, round(DURATION / dt))
-    out = np.zeros(len(x), dtype=bool)
-    runs = [(a, b) for a, b in equal_stretches(codes) if b - a > n]
-    moved = {(a, b): maximum_filter1d(x[a:b], n) - minimum_filter1d(x[a:b], n) for a, b in runs}
-    if not moved:
-        return out
-    fastest = float(np.quantile(np.concatenate(list(moved.values())), 0.99))
-    for (a, b), over in moved.items():
-        noise = NOISE * noise_level(x[a:b])
-        if noise <= SLOW * fastest:
-            # All rows of a window at rest are at rest, not only that at its centre.
-            out[a:b] = maximum_filter1d((over <= noise).astype(np.int8), n, origin=0 if n % 2 else -1) > 0
+    Where the noise could hide a motion that matters, means of two rows are taken over twice as long, then of four.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d, uniform_filter1d
+
+    out, least, rows = np.zeros(len(x), dtype=bool), max(ROWS, round(DURATION / dt)), 1
+    spans = equal_stretches(codes)
+    while runs := [(a, b) for a, b in spans if b - a > least * rows]:
+        n, moved, noise = least * rows, dict[tuple[int, int], np.ndarray](), dict[tuple[int, int], float]()
+        for a, b in runs:
+            mean = uniform_filter1d(x[a:b], rows)
+            moved[a, b] = maximum_filter1d(mean, n) - minimum_filter1d(mean, n)
+            noise[a, b] = NOISE * noise_level(x[a:b]) / np.sqrt(rows)
+        fastest = float(np.quantile(np.concatenate(list(moved.values())), 0.99))
+        for (a, b), over in moved.items():
+            if noise[a, b] <= SLOW * fastest:
+                # All rows of a window at rest are at rest, not only that at its centre.
+                found = maximum_filter1d((over <= noise[a, b]).astype(np.int8), n, origin=0 if n % 2 else -1) > 0
+                out[a:b] = found
+        spans = [span for span in runs if noise[span] > SLOW * fastest]
+        rows *= 2
     return out
 
 

@@ -235,7 +235,8 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
         span, signal = survey.spans.get(state, 0.0), simulator.port(state).unit
         if state in moving or not span > 0.0:
             continue
-        name, through, unit = chambers.get(state, (state, "", rate_unit(simulator, state)))
+        name, through, unit = chambers.get(state, (state, "", "-"))
+        unit = rate_unit(simulator, state) if not through and unit == "-" else unit
         size, push = survey.gaps.get(state, 0.0), survey.pushes.get((through, state), 1.0)
         if push < 0.0:  # what flows with it empties the store
             through, unit, push = "", rate_unit(simulator, state), 1.0
@@ -260,7 +261,7 @@ def _at_chambers(simulator: Simulator, survey: SignalSizes) -> Iterator[Placemen
                 effect, into = effect.within(bottom, top, fastest), "" if through else survey.feeds.get(state, "")
                 hidden = () if into else ("returned",)
             elif issubclass(effect, PortLeakage):
-                effect = effect.narrowed(unit_size=scales.pressure)
+                effect = effect.narrowed(unit_size=scales.pressure, of_mass=unit == "kg/s")
                 hidden = ("exponent",) if signed or scales.ambient else ()
             yield replace(place.placed(effect_name, effect, hidden), into=into)
 

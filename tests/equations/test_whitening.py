@@ -114,3 +114,17 @@ def test_an_unwhitened_fit_is_best_for_unwhitened_windows(log: pd.DataFrame) -> 
     assert raw[1] >= raw[0] - 1e-6
     assert white[0] >= white[1] - 1e-6
     assert np.all(np.abs(seen.x) <= fitter.high)
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.9, 0.97])
+def test_noise_that_a_simulator_adds_up_has_unit_size_once_it_is_white(memory: float) -> None:
+    rng, drawn = np.random.default_rng(3), np.empty((6, 800))
+    for one in drawn:  # a reading's own noise beside what lasts
+        steps = rng.standard_normal(800)
+        for k in range(1, 800):
+            steps[k] += memory * steps[k - 1]
+        one[:] = rng.standard_normal(800) + steps / np.std(steps)
+    w = Whitening()
+    w.learn(slice(0, 800), drawn / np.sqrt(2.0), np.zeros(800, dtype=int))
+    white = np.array([w.white(one / np.sqrt(2.0)) for one in drawn])
+    assert np.std(white) == pytest.approx(1.0, abs=0.05)

@@ -19,7 +19,7 @@ def test_turning_is_no_rest(frequency: float, noise: float) -> None:
 
 
 @pytest.mark.parametrize("step", [0.0, 1e-3])
-@pytest.mark.parametrize("noise", [1e-6, 1e-4])
+@pytest.mark.parametrize("noise", [1e-6, 1e-4, 1e-3, 1e-2])
 def test_stops_are_found_whatever_noise_and_steps(noise: float, step: float) -> None:
     x = np.sin(np.pi * np.minimum(TIME % 5.0, 2.0)) + noise * np.random.default_rng(1).standard_normal(len(TIME))
     x = np.round(x / step) * step if step else x

@@ -11,6 +11,7 @@ from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis, Outcome
 from ..inference.sensitivity import Template
 from ..inference.significance import Excess, excess, library_test, outliers
+from ..inference.student_t import loglik
 from ..residuals.protocol import ResidualSource
 from ..residuals.tolerances import SMALL
 from ..settings import CLASS, CLASS_SHARE, EXCESS, FALSE_ALARM, INCLUDED
@@ -83,7 +84,7 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     beyond = min([min(1.0, len(over) * e.p_value) for e in over if e.scale > 1.0 + EXCESS] or [1.0])
     beyond = min(beyond, outliers(evidence, base.fit.z))
     test = library_test(evidence, base.fit, _judged(competition), random_state)
-    gain = best.score - base.score
+    gain = best.score - base.score - within_noise(competition, base, best)
     chance = test.p_value
     if gain > evidence.decisive:  # such evidence needs no draws where noise is independent
         chance = min(chance, float(np.exp(-gain - 1.0)))
@@ -112,6 +113,15 @@ def decide(competition: Competition, outcome: Outcome, random_state: np.random.R
     elif beyond < FALSE_ALARM:
         verdict.kind = "unknown"
     return verdict
+
+
+def within_noise(competition: Competition, base: Hypothesis, best: Hypothesis) -> float:
+    """Return the gain in equations that leave less than their noise without causes: there is nothing to explain."""
+    weights = competition.fitter.weights
+    quiet = [k for k, left in enumerate(base.left) if left <= 1.0 - EXCESS]
+    parts = [competition.evidence.parts[k] for k in quiet]
+    there, before = (loglik(h.fit.z, parts, weights[quiet])[0] for h in (best, base))
+    return max(there - before, 0.0)
 
 
 def _judged(competition: Competition) -> Iterator[Template]:

@@ -226,6 +226,8 @@ class ShootingEvidence(PredictedEvidence):
         left = self._left(readings, predicted)
         influence, anew = self._O, changed and channels is None and len(x0) > 0
         if anew:
+            if kind not in self._moved:
+                x0, left = self._read_or(x0, left, active, numbers)
             (x0, influence), left = self._begun_best(x0, left, active, numbers)
         shift = self._explained(left, influence)
         if anew:
@@ -239,6 +241,15 @@ class ShootingEvidence(PredictedEvidence):
     def _without(self, left: np.ndarray, shift: np.ndarray, influence: Influence) -> np.ndarray:
         """Return residuals less what changes of the initial states explain."""
         return (left - influence.moved(shift) * self._scale).ravel()
+
+    def _read_or(
+        self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return initial states and what they leave, as measured where this is less: what holds a joint hides them."""
+        read = self._starts()
+        trial = self._left(self.log.channels, self._predict(read, active, numbers))
+        better = self._squares(trial) < self._squares(left)
+        return np.where(better, read, x0), np.where(better[self._window_of], trial, left)
 
     def _begun_best(
         self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray

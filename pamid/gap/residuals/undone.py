@@ -93,7 +93,11 @@ class UndoneEvidence(PortEvidence, ABC):
 
     @cached_property
     def pulled(self) -> tuple[float, float]:
-        r"""The most nats that a parameter gains from noise in modelled rates, by itself and with all others.
+        """The most nats that a parameter gains from noise in modelled rates, by itself and with all others."""
+        return self.pulled_under({}, np.zeros(len(self.free)))
+
+    def pulled_under(self, spec: Spec, x: np.ndarray) -> tuple[float, float]:
+        r"""Return the same under effects, whose sizes give way, too.
 
         With slopes S of the white residuals, S' of a noisier copy and its change d, noise pulls by
         :math:`g = (S' - S)^T d` (errors in variables), and a fit gains
@@ -101,17 +105,31 @@ class UndoneEvidence(PortEvidence, ABC):
         they give way together.
         """
         weights = np.concatenate([np.full(p.stop - p.start, w) for p, w in zip(self.parts, self.weights, strict=True)])
-        copy, numbers = self._copies[0], self.simulator.numbers
-        plain, noisy = self._residual(self._own, numbers), self._residual(self._own, numbers, copy)
-        moved, pull = weights * self._whitening.white((noisy - plain) / self.noise), np.zeros(len(self.free))
-        for k, name in enumerate(self.free):
-            if name not in self.skews:
-                there = self.numbers({name: SMALL})
-                turned = self._residual(self._own, there, copy) - noisy - self._residual(self._own, there) + plain
+        copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=True))
+        numbers, active = self.numbers(there), self.active(spec)
+        plain, noisy = self._residual(active, numbers), self._residual(active, numbers, copy)
+        moved = weights * self._whitening.white((noisy - plain) / self.noise)
+        steps = [(active, self.numbers({**there, k: there[k] + SMALL})) for k in self.free if k not in self.skews]
+        tolerances = len(steps)
+        steps += [
+            (self.active({**spec, name: {**values, p.name: (1.0 + SMALL) * values[p.name]}}), numbers)
+            for name, values in spec.items() for p in self.effects[name].parameters
+            if p.linear and values.get(p.name)
+        ]  # fmt: skip
+        pull, slopes = np.zeros(len(steps)), np.zeros((len(moved), len(steps)))
+        for k, (near, at) in enumerate(steps):
+            change = self._residual(near, at) - plain
+            turned = self._residual(near, at, copy) - noisy - change
+            slopes[:, k] = self._whitening.white(change / self.noise) / SMALL
+            if k < tolerances:  # what a size does to its own noise is known window by window
                 pull[k] = self._whitening.white(turned / self.noise) @ moved / SMALL
-        information = self.J.T @ (weights[:, None] * self.J)
+        aside = self.J[:, [k for k, name in enumerate(self.free) if name in self.skews]]
+        pull, slopes = np.append(pull, np.zeros(aside.shape[1])), np.column_stack([slopes, aside])
+        information = slopes.T @ (weights[:, None] * slopes)
         alone = np.square(pull) / np.maximum(np.diag(information), 1e-300)
-        together = pull @ np.linalg.solve(information + TOLERANCE * np.eye(len(pull)), pull)
+        prior = np.full(len(pull), TOLERANCE)
+        prior[tolerances : len(steps)] = 0.0
+        together = pull @ np.linalg.lstsq(information + np.diag(prior), pull, rcond=1e-12)[0]
         return 0.5 * float(np.max(alone, initial=0.0)), 0.5 * float(together)
 
     def _noise_pulls(self) -> bool:
@@ -197,11 +215,13 @@ class UndoneEvidence(PortEvidence, ABC):
         def made() -> tuple[np.ndarray, np.ndarray]:
             drawn, changed = self._noisier(spec)
             scale, grown = np.ones(len(self.value)), np.ones(len(self.value))
-            for part, a in zip(self.parts, self._amplified(self.active(spec)), strict=True):
+            active = self.active(spec)
+            for part, a, slopes in zip(self.parts, self._amplified(active), self._steep(active), strict=True):
                 usual, new = rms(drawn[part]), rms(changed[part])
                 if usual > 0.0 and new > 0.0:
-                    scale[part] = min(a, new / usual)
-                    grown[part] = max(1.0, new / usual / a)
+                    s = slopes * (new / usual / rms(slopes))
+                    scale[part] = np.minimum(a, s)
+                    grown[part] = np.maximum(1.0, s / a)
             return scale, grown
 
         return self._spreads.get(_key(spec), made)
@@ -259,6 +279,26 @@ class UndoneEvidence(PortEvidence, ABC):
         """Return whether an effect follows noisy readings as the model does, so that both may cancel."""
         follows = place.acts and not place.effect.path_dependent
         return place.enters == "parameter" or follows or bool(set(place.readings) & set(self.simulator.states))
+
+    def _steep(self, active: Active) -> list[np.ndarray]:
+        """Return by how much faults without memory, once undone, amplify the noise of a reading in each window."""
+        log, found = self.log, []
+        for b, firsts, moves in zip(self.balances, self._first, self._moving, strict=True):
+            faults = [
+                (place, made) for place, made in active
+                if b.channel in place.readings and b.channel in self.simulator.states and not self._filters(place)
+            ]  # fmt: skip
+            slope, x, h = np.ones(log.n), log.channels[b.channel], SMALL * self.channel_noise(b.channel)
+            for place, made in faults:
+                low, x, high = (place.truth(made, y, log.dt, log.starts) for y in (x - h, x, x + h))
+                slope = slope * (high - low) / (2.0 * h)
+            power = [
+                average(np.square(slope[a:e]), self.n, b.order + 1, first)
+                for (a, e), first in zip(log.spans, firsts, strict=True)
+            ]
+            steep = np.concatenate(power)[moves]
+            found.append(np.sqrt(np.where(steep > 0.0, steep, 1.0)))  # behind a limit nothing is read
+        return found
 
     def _amplified(self, active: Active) -> list[float]:
         """Return by how much effects that are undone in readings amplify the measured side of each equation."""

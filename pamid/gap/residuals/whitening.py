@@ -28,7 +28,6 @@ rest of the noise is independent, of converters and models."""
 LAGS, SHARED = 3, 0.03
 """Neighbouring windows whose noise is distinguished, and the correlation below which they share none."""
 
-
 MOST_MEMORY = 20.0  # windows: a residual that remembers longer is a gap rather than noise
 
 
@@ -43,14 +42,21 @@ class Whitening:
         power = float(np.mean(np.square(drawn))) if drawn.size else 0.0
         if power <= 0.0:
             return
-        correlations = []
-        for lag in range(1, min(LAGS, drawn.shape[1] - 1) + 1):
+        correlations: list[np.ndarray] = []
+        for lag in range(1, min(int(MOST_MEMORY), drawn.shape[1] - 1) + 1):
             same = run[lag:] == run[:-lag]
             r = float(np.mean((drawn[:, lag:] * drawn[:, :-lag])[:, same])) / power if same.any() else 0.0
+            if lag > LAGS and abs(r) < SHARED:  # what a simulator adds up lasts longer
+                break
             band = np.zeros(drawn.shape[1])
             band[: drawn.shape[1] - lag] = np.where(same, r if abs(r) > SHARED else 0.0, 0.0)
             correlations.append(band)
+        before = len(self._factors)
         self.add(part, correlations, 1)
+        if len(self._factors) > before:  # a band that had to be trusted less leaves noise larger than it is
+            _, factor = self._factors[-1]
+            left = np.array([self.only(part, one, part.stop) for one in drawn])
+            self._factors[-1] = part, factor * max(float(np.sqrt(np.mean(np.square(left)))), 1.0)
 
     def add(self, part: slice, correlations: list[np.ndarray], step: int) -> None:
         """Add an equation whose noise is shared by neighbours."""
