@@ -106,7 +106,7 @@ class UndoneEvidence(PortEvidence, ABC):
         they give way together.
         """
         weights = np.concatenate([np.full(p.stop - p.start, w) for p, w in zip(self.parts, self.weights, strict=True)])
-        copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=True))
+        copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=False))  # a free step comes last
         numbers, active = self.numbers(there), self.active(spec)
         plain, noisy = self._residual(active, numbers), self._residual(active, numbers, copy)
         moved = weights * self._whitening.white((noisy - plain) / self.noise)
