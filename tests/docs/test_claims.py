@@ -48,8 +48,8 @@ def diagnosis() -> Iterator[tuple[str, str]]:
     yield "docs/diagnosis.md", f"{ratio} by more than a factor of {FACTOR:g}."
     yield (
         "docs/command-line.md",
-        f"explains the other to within {100 * ALIKE:g} % or, if that is larger, "
-        f"{WORDS[round(SEEN)]} standard deviations",
+        f"explains the other to within {100 * ALIKE:g} % or "
+        f"{WORDS[round(SEEN)]} standard deviations of the noise, whichever is larger",
     )
     alone = [f"`{name}`" for name, equation in all_equations().items() if not equation.combines]
     joined = [f"`{name}`" for name, equation in all_equations().items() if equation.combines]

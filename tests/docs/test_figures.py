@@ -165,10 +165,10 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     clean, accused = re.findall(r"clean: (\d+), accused (\d+)", opinions)[0]
     assert accused == "0"
     faulty = int(fits) - int(clean)
-    yield "docs/published.md", f"In {biased} of {faulty} fits to logs with one of {causes} causes, the cause biased"
+    yield "docs/published.md", f"Of {faulty} fits to logs with a cause ({causes} kinds), {biased} had"
     yield (
         "docs/published.md",
-        f"pamid found {told} of these causes ({rate} %). None of {clean} fits to logs without a cause",
+        f"in {told} of these ({rate} %), pamid found the cause. None of {clean} fits to logs without a cause",
     )
     bound = 100 * (1 - 0.05 ** (1 / int(clean)))  # 95 % of none in so many
     yield "docs/published.md", f"gave a false alarm (95 % bound: {bound:.1f} %)"
@@ -186,7 +186,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     ]
     (most, least), (most_roll, least_roll) = steps
     yield "docs/published.md", f"by only {least} mrad (pan) and {least_roll} mrad (roll)"
-    yield "docs/published.md", f"changes them by {most} and {most_roll} mrad"
+    yield "docs/published.md", f"a step of that length in the best-determined direction, by {most} and {most_roll} mrad"
     aim = "of those named without reservations"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]

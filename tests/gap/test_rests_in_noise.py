@@ -52,4 +52,4 @@ def test_a_ripple_that_is_undone_changes_the_noise_of_each_rest_by_its_slope_the
     rests = [w for w, at in enumerate(evidence.first) if np.ptp(log["x"].to_numpy()[at : at + 3 * evidence.n]) < 6e-3]
     expected = [np.sqrt(np.mean(np.square(slope[evidence.first[w] :][: 3 * evidence.n]))) for w in rests]
     assert len(rests) > 10 and np.corrcoef(spread[rests], np.minimum(expected, 1.0))[0, 1] > 0.8
-    assert np.min(spread) < 0.8 and 1.0 < np.max(spread) < 1.05  # what is louder than motion costs elsewhere
+    assert np.min(spread) < 0.8 * np.max(spread) < 0.85  # what is louder than motion costs elsewhere

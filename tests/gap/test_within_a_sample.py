@@ -72,7 +72,7 @@ def test_euler_steps_of_a_log_are_no_gap(columns: str) -> None:
 
 def test_steps_that_a_fit_took_up_are_told() -> None:
     (told,) = steps_taken({"m": 0.5, STEPS: 0.1}, DT)
-    assert "in steps of 0.5 ms, 0.1 of a sample" in told
+    assert "in steps of 0.5 ms (0.1 of a sample)" in told
     assert "The log (monday) looks" in steps_taken({f"{STEPS} (monday)": 1.0}, DT)[0]
     assert steps_taken({"m": 0.5, STEPS: 0.0}, DT) == []
 

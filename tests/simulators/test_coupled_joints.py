@@ -72,7 +72,9 @@ def test_a_resonance_undone_pays_for_the_noise_that_it_makes(log):
     [part] = [p for e, p in zip(evidence.equations, evidence.parts, strict=True) if e == "b"]
     nothing = np.zeros(len(evidence.free))
     # The other arm's noise, which comes through the coupling, stays as it is.
-    assert np.median(evidence.spread(gain, nothing)[part]) == pytest.approx(1.0 / 1.2, rel=0.1)
+    scaled = evidence._noise_as(evidence.active(gain)) / evidence.noise
+    assert np.median(scaled[part]) == pytest.approx(1.0 / 1.2, rel=0.1)
+    assert np.median(evidence.spread(gain, nothing)[part]) == pytest.approx(1.0, rel=0.1)  # of what is scaled already
     assert np.max(evidence.widening(gain)[part]) < 1.1
     assert np.min(evidence.widening(resonance)[part]) > 2.0
     assert evidence.widening({}) is None

@@ -129,7 +129,7 @@ class ResidualSource(Protocol):
         ...
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return how wide the noise is under a changed simulator, as a share of the nominal one's; None if the same."""
+        """Return how wide the noise is under a changed simulator, per what `z` is divided by; None if the same."""
         ...
 
     def filtered(self, spec: Spec, z: np.ndarray) -> np.ndarray | None:

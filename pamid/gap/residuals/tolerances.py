@@ -83,7 +83,9 @@ class Tolerances(PortSignals, ABC):
         known = {k: dict(v) for k, v in spec.items()}, self._asks_anew(deviations or {})
         active = self.active(spec)
         found = self._kept.get(repr(known), lambda: self._bare(active, deviations or {}))
-        return self._whitening.white(self._finite(found + self._skewed(deviations or {}, active)) / self.noise)
+        return self._whitening.white(
+            self._finite(found + self._skewed(deviations or {}, active)) / self._noise_as(active)
+        )
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
         """Return the deviations that need new residuals: clocks act linearly."""
@@ -98,6 +100,10 @@ class Tolerances(PortSignals, ABC):
         """Return the same without clock offsets; not finite where the simulator is not."""
         with np.errstate(all="ignore"):
             return self._residual(active, self.numbers(deviations))
+
+    def _noise_as(self, active: Active) -> np.ndarray:
+        """Return the noise of each window as effects scale it together with readings."""
+        return self.noise
 
     def _finite(self, found: np.ndarray) -> np.ndarray:
         return np.where(np.isfinite(found), found, 1e3 * self.noise)
@@ -180,7 +186,7 @@ class Tolerances(PortSignals, ABC):
         steps = [step * e for e, name in zip(np.eye(len(self.free)), self.free, strict=True) if name not in skews]
         found = iter(self._moved_by(steps, x, active) if steps else [])
         columns = [skews[name] if name in skews else next(found) / step for name in self.free]
-        return self._whitening.white((np.array(columns).reshape(-1, len(self.noise)) / self.noise).T)
+        return self._whitening.white((np.array(columns).reshape(-1, len(self.noise)) / self._noise_as(active)).T)
 
     def _deviated(self, x: np.ndarray) -> np.ndarray:
         return self.z({}, self._named(x))

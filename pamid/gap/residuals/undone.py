@@ -5,8 +5,9 @@ Where a fault is undone in a reading, its noise is filtered, too. A gain changes
 .. math:: a = \frac{\operatorname{rms}(T y)}{\operatorname{rms}(y)}, \qquad
     s = \frac{\operatorname{rms}(T n)}{\operatorname{rms}(n)}, \qquad s = a,
 
-and that residuals become smaller with their noise is no evidence. Undoing a lag or a resonance amplifies fast noise
-more than motion, and the noise then hides what is modelled: each window costs :math:`\log(s/a)`.
+and that residuals become smaller with their noise is no evidence: they are in units of the noise that is left, to first
+order and in every fit, too. Undoing a lag or a resonance amplifies fast noise more than motion, and the noise then
+hides what is modelled: each window costs :math:`\log(s/a)`.
 
 A force follows readings with their noise :math:`n`: dry friction turns some rows early or late, and misses up to twice
 its size there. The noise of a window is then
@@ -105,7 +106,7 @@ class UndoneEvidence(PortEvidence, ABC):
         they give way together.
         """
         weights = np.concatenate([np.full(p.stop - p.start, w) for p, w in zip(self.parts, self.weights, strict=True)])
-        copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=True))
+        copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=False))  # a free step comes last
         numbers, active = self.numbers(there), self.active(spec)
         plain, noisy = self._residual(active, numbers), self._residual(active, numbers, copy)
         moved = weights * self._whitening.white((noisy - plain) / self.noise)
@@ -137,6 +138,36 @@ class UndoneEvidence(PortEvidence, ABC):
         del self.pulled  # what is free changes
         return found
 
+    def _noise_as(self, active: Active) -> np.ndarray:
+        """Return the noise of each window in readings from which faults without memory are undone."""
+        if not any(self._scales(place) for place, _ in active[len(self._own) :]):
+            return self.noise
+        out, own = self.noise.copy(), self._measured_noise(self._own)
+        for part, usual, new in zip(self.parts, own, self._measured_noise(active), strict=True):
+            if usual > 0.0 and 0.0 < new < np.inf:
+                out[part] *= new / usual
+        return out
+
+    def _measured_noise(self, active: Active) -> list[float]:
+        """Return the noise of the measured side of each equation, faults without memory undone."""
+        faults = [(place, made) for place, made in active if self._scales(place)]
+        x, copy = self.log.channels, self._copies[-1]
+        changes = (self._truth(b.channel, copy, faults) - self._truth(b.channel, x, faults) for b in self.balances)
+        return [rms(self._rates_of(b, k, n)) for k, (b, n) in enumerate(zip(self.balances, changes, strict=True))]
+
+    def _truth(self, channel: str, readings: Mapping[str, np.ndarray], active: Active) -> np.ndarray:
+        """Return a channel with the faults of its readings undone."""
+        x = readings[channel]
+        for place, made in active:
+            if channel in place.readings and channel in self.simulator.states:
+                x = place.truth(made, x, self.log.dt, self.log.starts)
+        return x
+
+    def _rates_of(self, b: Balance, place: int, y: np.ndarray) -> np.ndarray:
+        """Return the measured side of an equation, of some signal, at all its windows."""
+        runs = [(b.rate(y[a:e], self.log.dt), f) for (a, e), f in zip(self.log.spans, self._first[place], strict=True)]
+        return np.concatenate([average(rate, self.n, b.order + 1, first) for rate, first in runs])
+
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
         """Return the relative width of the noise under effects that filter it or follow it; None without any."""
         found = self._noise_under({k: v for k, v in spec.items() if self._changes_noise(self.placements[k])})
@@ -150,13 +181,10 @@ class UndoneEvidence(PortEvidence, ABC):
             return super().glance(spec)
         x = log.channels[place.at]
         error = x - place.reading(place.effect(**values), x, log.dt, log.starts)  # of truths to first order
-        parts = []
-        for b, firsts in zip(self.balances, self._first, strict=True):
-            if b.channel != place.at:
-                parts.append(np.zeros(sum(map(len, firsts))))
-                continue
-            runs = [(b.rate(error[a:e], log.dt), first) for (a, e), first in zip(log.spans, firsts, strict=True)]
-            parts.append(np.concatenate([average(rate, self.n, b.order + 1, first) for rate, first in runs]))
+        parts = [
+            self._rates_of(b, k, error if b.channel == place.at else np.zeros(log.n))
+            for k, b in enumerate(self.balances)
+        ]
         return self._whitening.white(self._as_tested(parts) / self.noise)
 
     def drowns(self, spec: Spec) -> bool:
@@ -185,7 +213,8 @@ class UndoneEvidence(PortEvidence, ABC):
     def _jump(self, spec: Spec) -> np.ndarray | None:
         """Return the growth of noise by forces that follow noisy readings; None without such forces."""
         power = [self._power(name, values) for name, values in spec.items() if self.placements[name].acts]
-        return np.sqrt(1.0 + np.sum(power, axis=0)) if power else None
+        noise = self._noise_as(self.active(spec)) / self.noise
+        return np.sqrt(1.0 + np.sum(power, axis=0) / np.square(noise)) if power else None
 
     def _power(self, name: str, values: Mapping[str, float]) -> np.ndarray:
         """Return the mean square change of the residuals by noise in the inputs of a force, in units of their noise."""
@@ -259,10 +288,10 @@ class UndoneEvidence(PortEvidence, ABC):
         def made() -> tuple[np.ndarray, np.ndarray]:
             numbers, copy = self.simulator.numbers, self._copies[-1]
             usual, changed = (
-                self._residual(active, numbers, copy) - self._residual(active, numbers)
+                (self._residual(active, numbers, copy) - self._residual(active, numbers)) / self._noise_as(active)
                 for active in (self._own, self.active(spec))
             )
-            return self._whitening.white(usual / self.noise), self._whitening.white(changed / self.noise)
+            return self._whitening.white(usual), self._whitening.white(changed)
 
         return self._moved.get(_key(spec), made)
 
@@ -282,40 +311,27 @@ class UndoneEvidence(PortEvidence, ABC):
 
     def _steep(self, active: Active) -> list[np.ndarray]:
         """Return by how much faults without memory, once undone, amplify the noise of a reading in each window."""
-        log, found = self.log, []
-        for b, firsts, moves in zip(self.balances, self._first, self._moving, strict=True):
-            faults = [
-                (place, made) for place, made in active
-                if b.channel in place.readings and b.channel in self.simulator.states and not self._filters(place)
-            ]  # fmt: skip
-            slope, x, h = np.ones(log.n), log.channels[b.channel], SMALL * self.channel_noise(b.channel)
-            for place, made in faults:
-                low, x, high = (place.truth(made, y, log.dt, log.starts) for y in (x - h, x, x + h))
-                slope = slope * (high - low) / (2.0 * h)
-            power = [
-                average(np.square(slope[a:e]), self.n, b.order + 1, first)
-                for (a, e), first in zip(log.spans, firsts, strict=True)
-            ]
-            steep = np.concatenate(power)[moves]
+        faults, x, found = [(place, made) for place, made in active if self._scales(place)], self.log.channels, []
+        for k, (b, moves) in enumerate(zip(self.balances, self._moving, strict=True)):
+            h = SMALL * self.channel_noise(b.channel)
+            low, high = (self._truth(b.channel, {b.channel: x[b.channel] + way}, faults) for way in (-h, h))
+            power = np.square((high - low) / (2.0 * h))
+            runs = [(power[a:e], first) for (a, e), first in zip(self.log.spans, self._first[k], strict=True)]
+            steep = np.concatenate([average(p, self.n, b.order + 1, first) for p, first in runs])[moves]
             found.append(np.sqrt(np.where(steep > 0.0, steep, 1.0)))  # behind a limit nothing is read
         return found
 
+    def _scales(self, place: Placement) -> bool:
+        """Return whether undoing a fault in the reading of a state scales its noise and filters nothing."""
+        return bool(set(place.readings) & set(self.simulator.states)) and not place.effect.filters_readings()
+
     def _amplified(self, active: Active) -> list[float]:
-        """Return by how much effects that are undone in readings amplify the measured side of each equation."""
-        log, found = self.log, []
-        for b, firsts in zip(self.balances, self._first, strict=True):
-            x = log.channels[b.channel]
-            for place, made in active:
-                if b.channel in place.readings and b.channel in self.simulator.states:
-                    x = place.truth(made, x, log.dt, log.starts)
-            sizes = [
-                rms(np.concatenate([
-                    average(b.rate(y[a:e], log.dt), self.n, b.order + 1, first)
-                    for (a, e), first in zip(log.spans, firsts, strict=True)
-                ]))
-                for y in (x, log.channels[b.channel])
-            ]  # fmt: skip
-            found.append(sizes[0] / sizes[1] if sizes[1] > 0.0 else 1.0)
+        """Return by how much effects that are undone amplify the measured side of each equation beyond its noise."""
+        x, found = self.log.channels, []
+        noise = self._noise_as(active) / self.noise
+        for k, (b, part) in enumerate(zip(self.balances, self.parts, strict=True)):
+            usual, new = (rms(self._rates_of(b, k, self._truth(b.channel, x, a))) for a in (self._own, active))
+            found.append(new / usual / float(np.mean(noise[part])) if usual > 0.0 and part.stop > part.start else 1.0)
         return found
 
 

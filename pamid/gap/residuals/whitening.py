@@ -43,17 +43,15 @@ class Whitening:
         if power <= 0.0:
             return
         correlations: list[np.ndarray] = []
-        for lag in range(1, min(int(MOST_MEMORY), drawn.shape[1] - 1) + 1):
+        for lag in range(1, min(LAGS, drawn.shape[1] - 1) + 1):
             same = run[lag:] == run[:-lag]
             r = float(np.mean((drawn[:, lag:] * drawn[:, :-lag])[:, same])) / power if same.any() else 0.0
-            if lag > LAGS and abs(r) < SHARED:  # what a simulator adds up lasts longer
-                break
             band = np.zeros(drawn.shape[1])
             band[: drawn.shape[1] - lag] = np.where(same, r if abs(r) > SHARED else 0.0, 0.0)
             correlations.append(band)
         before = len(self._factors)
         self.add(part, correlations, 1)
-        if len(self._factors) > before:  # a band that had to be trusted less leaves noise larger than it is
+        if len(self._factors) > before:  # what lasts beyond these neighbours, or is trusted less, leaves noise larger
             _, factor = self._factors[-1]
             left = np.array([self.only(part, one, part.stop) for one in drawn])
             self._factors[-1] = part, factor * max(float(np.sqrt(np.mean(np.square(left)))), 1.0)

@@ -285,7 +285,7 @@ class StackedEvidence(Settled):
         return self._factors([log.evidence.widening(self.spec_in(k, spec)) for k, log in enumerate(self.logs)])
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray | None:
-        """Return how wide the noise is under a changed simulator, as a share of the nominal one's."""
+        """Return how wide the noise is under a changed simulator, as a share of what `z` is divided by."""
         return self._factors(
             [log.evidence.spread(self.spec_in(k, spec), self.deviations_in(k, x)) for k, log in enumerate(self.logs)]
         )
