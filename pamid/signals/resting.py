@@ -26,18 +26,18 @@ def resting_rows(x: np.ndarray, dt: float, codes: np.ndarray) -> np.ndarray:
 
     out, least, rows = np.zeros(len(x), dtype=bool), max(ROWS, round(DURATION / dt)), 1
     spans = equal_stretches(codes)
+    level = {(a, b): NOISE * noise_level(x[a:b]) for a, b in spans if b - a > least}
     while runs := [(a, b) for a, b in spans if b - a > least * rows]:
-        n, moved, noise = least * rows, dict[tuple[int, int], np.ndarray](), dict[tuple[int, int], float]()
+        n, moved = least * rows, dict[tuple[int, int], np.ndarray]()
+        noise = {span: level[span] / np.sqrt(rows) for span in runs}
         for a, b in runs:
             mean = uniform_filter1d(x[a:b], rows)
             moved[a, b] = maximum_filter1d(mean, n) - minimum_filter1d(mean, n)
-            noise[a, b] = NOISE * noise_level(x[a:b]) / np.sqrt(rows)
         fastest = float(np.quantile(np.concatenate(list(moved.values())), 0.99))
         for (a, b), over in moved.items():
             if noise[a, b] <= SLOW * fastest:
                 # All rows of a window at rest are at rest, not only that at its centre.
-                found = maximum_filter1d((over <= noise[a, b]).astype(np.int8), n, origin=0 if n % 2 else -1) > 0
-                out[a:b] = found
+                out[a:b] = maximum_filter1d((over <= noise[a, b]).astype(np.int8), n, origin=0 if n % 2 else -1) > 0
         spans = [span for span in runs if noise[span] > SLOW * fastest]
         rows *= 2
     return out
