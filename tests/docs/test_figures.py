@@ -186,7 +186,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     ]
     (most, least), (most_roll, least_roll) = steps
     yield "docs/published.md", f"by only {least} mrad (pan) and {least_roll} mrad (roll)"
-    yield "docs/published.md", f"a step of that length in the best-determined direction, by {most} and {most_roll} mrad"
+    yield "docs/published.md", f"In the best-determined direction, a step of that length changes them by {most} and {most_roll} mrad"
     aim = "of those named without reservations"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
