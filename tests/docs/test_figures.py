@@ -83,7 +83,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     once, model = (float(free[name][-2]) for name in ("LiftedLoad(StaticPIHM)", "ForwardModel(direction)"))
     yield "docs/choosing.md", f"the latter runs {once / model:.0f} times faster"
     worse = [float(free[f"{name}(one step)"][0]) / float(free[name][0]) for name in ("PolynomialNARX", "NNARX")]
-    yield "docs/choosing.md", "have {:.1f} (`PolynomialNARX`) and {:.1f} times (`NNARX`)".format(*worse)
+    yield "docs/choosing.md", "the error of `PolynomialNARX` by {:.1f} and that of `NNARX` by {:.1f}".format(*worse)
     fits = [found for found in re.findall(r"^InverseModel .*? {2,}([\d.]+) ", blocks["inverse-model"], re.M)]
     yield "benchmarks/targets.md", f"| {min(fits)} to {max(fits)} s of one core |"
 
@@ -109,7 +109,10 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         f"{share[False, inverse]:.2f} times the error of PID alone (with twice the friction, "
         f"{share[True, inverse]:.2f} times)",
     )
-    yield "docs/inverse.md", f"learning online, {share[False, learning]:.2f} and {share[True, learning]:.2f} times."
+    yield (
+        "docs/inverse.md",
+        f"learning online, the factors are {share[False, learning]:.2f} and {share[True, learning]:.2f}.",
+    )
     yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning online {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",
@@ -186,7 +189,10 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     ]
     (most, least), (most_roll, least_roll) = steps
     yield "docs/published.md", f"by only {least} mrad (pan) and {least_roll} mrad (roll)"
-    yield "docs/published.md", f"In the best-determined direction, a step of that length changes them by {most} and {most_roll} mrad"
+    yield (
+        "docs/published.md",
+        f"In the best-determined direction, a step of that length changes them by {most} and {most_roll} mrad",
+    )
     aim = "of those named without reservations"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]
