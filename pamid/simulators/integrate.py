@@ -88,7 +88,7 @@ class Runner:
     def kept(
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting, memory: list[Any]
     ) -> np.ndarray | None:
-        """Return what is left of a small change just before the end of steps, shape (n_steps, n_states, n_states).
+        """Return how much remains of a small change just before the end of steps, shape (n_steps, n_states, n_states).
 
         None if nothing holds a motion: then all of it is.
         """
