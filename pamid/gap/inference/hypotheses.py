@@ -61,6 +61,8 @@ class Outcome:
     score first."""
     refitted: list[Hypothesis] = field(default_factory=list)
     """All sets that were refitted, the highest score first."""
+    unseen: bool = False
+    """Whether runs show what holds a motion, where the equations prefer another cause."""
 
 
 class Screen(NamedTuple):

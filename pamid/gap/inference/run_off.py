@@ -8,6 +8,7 @@ fares worse is refitted to the runs before it is ruled out, since a small error 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from ..residuals.protocol import Spec
 from ..settings import CLOSE, CLOSE_SHARE, DECIDED, KEPT
@@ -41,7 +42,23 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
         if not worse - competition.worse or competition.interrupted:
             break
         outcome = competition.without(worse, outcome)
-    return outcome
+    return replace(outcome, unseen=_unseen(competition, outcome, ran))
+
+
+def _unseen(competition: Competition, outcome: Outcome, ran: Callable[[Hypothesis, bool], "float | None"]) -> bool:
+    """Return whether what holds a motion simulates it better than a cause that equations prefer by far.
+
+    Where a cause leaves more than noise, rows near rest may be what it does not explain; their rates are mostly noise.
+    """
+    best, effects = outcome.best, competition.evidence.effects
+    if competition.interrupted or competition.enough(best) or any(effects[name].holds for name in best.names):
+        return False
+    for name in best.names:
+        for h in competition.likeliest(best, name, lambda k: effects[k].holds):
+            there, here = ran(h, True), ran(best, True)
+            if there is not None and here is not None and there > here + DECIDED:
+                return True
+    return False
 
 
 def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hypothesis]]:

@@ -39,7 +39,7 @@ class Evidence(Settled):
     """Lengths, angles and masses; valves, friction and gas may change from day to day."""
     bends = False
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
-    rough = False
+    rough = simulates = False
     least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
     decisive = LEAST_GAIN
