@@ -1,6 +1,6 @@
 """Hypotheses: sets of effects with their evidence, from the screening of the library to the outcome."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -61,8 +61,8 @@ class Outcome:
     score first."""
     refitted: list[Hypothesis] = field(default_factory=list)
     """All sets that were refitted, the highest score first."""
-    unseen: bool = False
-    """Whether runs show what holds a motion, where the equations prefer another cause."""
+    unseen: Callable[[], bool] = lambda: False
+    """Returns whether runs show what holds a motion, where the equations prefer another cause; takes some runs."""
 
 
 class Screen(NamedTuple):

@@ -42,7 +42,7 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
         if not worse - competition.worse or competition.interrupted:
             break
         outcome = competition.without(worse, outcome)
-    return replace(outcome, unseen=_unseen(competition, outcome, ran))
+    return replace(outcome, unseen=lambda: _unseen(competition, outcome, ran))
 
 
 def _unseen(competition: Competition, outcome: Outcome, ran: Callable[[Hypothesis, bool], "float | None"]) -> bool:
