@@ -135,7 +135,7 @@ def diagnose_evidence(
             if verdict.named and max(searched.pulled_under(best.spec, best.x)) > LEAST_GAIN:
                 raise UnjudgedError(PULLED)
             doubted = verdict.reserved or not verdict.named
-            if outcome.unseen or (doubted and any(map(searched.hides, about_as_good(outcome)))):
+            if outcome.unseen(searched.hides) or (doubted and any(map(searched.hides, about_as_good(outcome)))):
                 raise UnjudgedError(UNSEEN)
             promising = outcome.best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):

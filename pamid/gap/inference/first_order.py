@@ -76,7 +76,7 @@ class FirstOrder:
         # Along a run in which it holds nothing, what it does where it holds does not show.
         effects = self.evidence.effects
         holding = [t for name, t in best.items() if effects[name].holds and not effects[name].extends]
-        holding = holding if self.evidence.simulates else []
+        holding = holding[:KEPT] if self.evidence.simulates else []
         if not found:
             return []
         gain = max(found[0].score - about.fit(()).score, 0.0)

@@ -42,19 +42,24 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
         if not worse - competition.worse or competition.interrupted:
             break
         outcome = competition.without(worse, outcome)
-    return replace(outcome, unseen=_unseen(competition, outcome, ran))
+    return replace(outcome, unseen=lambda hides: _unseen(competition, outcome, ran, hides))
 
 
-def _unseen(competition: Competition, outcome: Outcome, ran: Callable[[Hypothesis, bool], "float | None"]) -> bool:
-    """Return whether what holds a motion simulates it better than a cause that equations prefer by far.
+def _unseen(
+    competition: Competition, outcome: Outcome, ran: Callable[[Hypothesis, bool], "float | None"],
+    hides: Callable[[Spec], bool],
+) -> bool:  # fmt: skip
+    """Return whether what holds a motion, and noise hides, simulates it better than a cause that equations prefer.
 
-    Where a cause leaves more than noise, rows near rest may be what it does not explain; their rates are mostly noise.
+    A cause that leaves more than noise may leave what happens near rest, where rates are mostly noise.
     """
     best, effects = outcome.best, competition.evidence.effects
     if competition.interrupted or competition.enough(best) or any(effects[name].holds for name in best.names):
         return False
     for name in best.names:
         for h in competition.likeliest(best, name, lambda k: effects[k].holds):
+            if not hides({k: effects[k](**values).sharp().values for k, values in h.fit.spec.items()}):
+                continue
             there, here = ran(h, True), ran(best, True)
             if there is not None and here is not None and there > here + DECIDED:
                 return True
