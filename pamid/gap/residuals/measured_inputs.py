@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...equations.noise import channel_noise
+from ...signals.noise import common_step, third_differences, white_noise
 from ..settings import EXCESS, LEAST_GAIN, MATERIAL
 
 
@@ -24,8 +25,16 @@ def white_over(x: np.ndarray, spans: Sequence[tuple[int, int]], n: int) -> float
 
 def rough_inputs(u: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
     """Return the standard deviation of what is white in each input; 0 where it is none, or most of the input."""
-    sigma = np.array([white_over(row, spans, 1) for row in u])
+    sigma = np.array([_white_input(row, spans) for row in u])
     return np.where(sigma < MATERIAL * np.std(u, axis=1), sigma, 0.0)  # more drives the system
+
+
+def _white_input(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> float:
+    """Return what is white in an input over all runs; where it is held, its smallest jump is no step of a sensor."""
+    step = common_step(x)
+    held = [(a, b) for a, b in spans if white_noise(third_differences(x[a:b])) == 0.0]
+    power = [step**2 / 12.0 if run in held else channel_noise(x[slice(*run)], 1).white ** 2 for run in spans]
+    return float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
 
 
 def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], parts: Sequence[slice]) -> list[int]:
