@@ -3,6 +3,10 @@ r"""Noise of inputs that are measured, such as a pressure or a current: it count
 A command is exact, with all that its controller adds; what drives the system is not the noise of a sensor that reads an
 input. Which of the two an input is shows in what residuals leave from window to window, where gaps, which are slow,
 show little: it has the size of the noise of readings alone, or of that of both.
+
+A command is exact to the digits that a log keeps of it. What rounding takes from a value that is held lasts as long as
+a gap does, so that it is asked for only where no cause explains the residuals. Values that are those of a grid, such as
+counts of a converter, are exact: then residuals are smaller than rounding would leave.
 """
 
 from __future__ import annotations
@@ -35,6 +39,24 @@ def _white_input(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> float:
     held = [(a, b) for a, b in spans if white_noise(third_differences(x[a:b])) == 0.0]
     power = [step**2 / 12.0 if run in held else channel_noise(x[slice(*run)], 1).white ** 2 for run in spans]
     return float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
+
+
+def roundings(u: np.ndarray, rough: np.ndarray) -> np.ndarray:
+    """Return the step to which a log rounds each input; 0 where it is none, most of the input, or within its noise."""
+    steps = np.array([common_step(row) for row in u])
+    sigma = steps / np.sqrt(12.0)
+    return np.where((sigma > rough) & (sigma < MATERIAL * np.std(u, axis=1)), steps, 0.0)
+
+
+def rounded_off(u: np.ndarray, steps: np.ndarray, starts: np.ndarray, rng: np.random.RandomState) -> np.ndarray:
+    """Return a draw of what rounding to steps takes from inputs: it lasts as a held value does, and zero is exact."""
+    out = np.zeros(u.shape)
+    for k in np.flatnonzero(steps):
+        new = np.diff(u[k], prepend=np.nan) != 0.0
+        new[starts] = True
+        held = np.cumsum(new) - 1
+        out[k] = np.where(u[k] == 0.0, 0.0, steps[k] * rng.uniform(-0.5, 0.5, held[-1] + 1)[held])
+    return out
 
 
 def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], parts: Sequence[slice]) -> list[int]:
