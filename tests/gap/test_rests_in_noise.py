@@ -60,10 +60,3 @@ def test_slow_moves_between_rests_show_dry_friction_and_no_heavy_carriage():
     found = diagnose_simulator(driven(20.0, 1e-4, 5, 0.2, 1200), SIMULATOR, effects, seed=0)
     assert [cause.effects for cause in found.causes] == [("coulomb_friction",)]
     assert abs(found.causes[0].parameters["amplitude"].value / 20.0 - 1.0) < 0.05
-
-
-def test_noise_of_a_millimetre_leaves_dry_friction_as_likely_as_a_dead_zone():
-    effects = ["coulomb_friction", "actuator_dead_zone", "actuator_hysteresis", "parameter_deviation"]
-    found = diagnose_simulator(driven(20.0, 1e-3, 5, rows=1200), SIMULATOR, effects, seed=0)
-    assert len(found.causes) == 1 and set(found.causes[0].effects) <= {"coulomb_friction", "actuator_dead_zone"}
-    assert "coulomb_friction" in found.causes[0].effects
