@@ -4,6 +4,7 @@ import json
 import re
 import stat
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,11 +66,18 @@ def toml_key(name: str) -> str:
 
 
 def toml_value(value: Any) -> str:
-    r"""Return a boolean, number, text or list of these as TOML, any characters escaped."""
+    r"""Return a boolean, number, text, or list or table of these on one line as TOML, any characters escaped."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):
         return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007F")
     if isinstance(value, list | tuple):
         return f"[{', '.join(toml_value(v) for v in value)}]"
-    return repr(value)
+    if isinstance(value, Mapping):
+        return f"{{ {', '.join(toml_lines(value))} }}"
+    return repr(float(value) if isinstance(value, float) else value)  # without the name of a type of numpy's
+
+
+def toml_lines(table: Mapping[str, Any]) -> list[str]:
+    """Return the lines of a table."""
+    return [f"{toml_key(name)} = {toml_value(value)}" for name, value in table.items()]

@@ -376,22 +376,8 @@ class BenchParameters(AnySimulator):
 
     def plant(self) -> Plant:
         """Return the numbers as effects see them."""
-        m, g, v = self.muscle, self.gas, self.valve
-        return Plant(
-            rest_length=m.rest_length,
-            thread_length=m.thread_length,
-            turns=m.turns,
-            initial_contraction=m.initial_contraction,
-            heat_capacity_ratio=g.heat_capacity_ratio,
-            gas_constant=g.gas_constant,
-            temperature=g.temperature,
-            atmospheric_pressure=g.atmospheric_pressure,
-            supply_pressure=g.supply_pressure,
-            sonic_conductance=v.sonic_conductance,
-            critical_pressure_ratio=v.critical_pressure_ratio,
-            reference_density=v.reference_density,
-            pulley_radius=self.joint.pulley_radius,
-        )
+        follow = {name: getattr(self.muscle, name) for name in ("thread_length", "turns")}
+        return Plant(**{f.name: follow.get(f.name) or self.get(f.name) for f in dataclasses.fields(Plant)})
 
     def make_effects(self) -> list[Effect]:
         """Return the effects as objects, in order."""

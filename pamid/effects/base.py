@@ -172,6 +172,8 @@ class Effect(ABC):
     path_dependent: ClassVar[bool] = False
     """Whether the memory depends on the path of the position alone, not on time: it then takes one step per
     reversal."""
+    holds: ClassVar[bool] = False
+    """Whether it holds a motion at rest, by a force that turns over within `turns_within`."""
     sampled: ClassVar[bool] = False
     """Whether the memory moves once per control period rather than continuously."""
     on_braid: ClassVar[bool] = False
@@ -300,6 +302,15 @@ class Effect(ABC):
         ``dt`` is the sampling interval in s, for memory that holds samples.
         """
         return np.zeros((0,))
+
+    @property
+    def turns_within(self) -> float:
+        """How far a motion that it holds goes until its force has turned over; 0 where it holds none."""
+        return 0.0
+
+    def sharp(self) -> Self:
+        """Return it as it holds a motion within the least distance and at any speed."""
+        return self
 
     def step(self, x: Array, s0: Signals, s1: Signals, dt: float, plant: Plant) -> Array:
         """Return the memory at ``s1`` from the memory ``x`` at ``s0``, ``dt`` seconds before; ``x`` stays as it is."""

@@ -13,7 +13,7 @@ from .values import parameter
 
 
 class BraidGeometry(Effect):
-    r"""Braid of another diameter or angle: pressure pulls and pushes on other areas than in the model.
+    r"""Braid whose diameter or angle differs from the model's: the areas on which pressure pulls and pushes differ too.
 
     .. math:: \Delta F = p \left(a\,(1 - \varepsilon)^2 - b\right), \qquad
         F = p\,\frac{\pi D_0^2}{4}\left(\frac{3\,(1 - \varepsilon)^2}{\tan^2\theta_0} - \frac{1}{\sin^2\theta_0}\right)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Self
 
 import numpy as np
 
@@ -24,10 +25,20 @@ class _Bristles(Effect):
 
     family = "friction"
     n_states = 1
-    path_dependent = True
+    path_dependent = holds = True
     presliding: float
     exponent: float = 1.0
     transition: float = 0.0
+
+    @property
+    def turns_within(self) -> float:
+        """The presliding displacement."""
+        return self.presliding
+
+    def sharp(self) -> Self:
+        """Return it with the least presliding displacement, over which it turns gradually, and without a transition."""
+        plain = {"presliding": PRESLIDING.lower, "exponent": 1.0, "transition": 0.0}
+        return self.unchecked(**{name: v for name, v in plain.items() if name in self.values})
 
     def start(self, s: Signals, plant: Plant, dt: float) -> Array:
         """Return bristles at zero deflection."""

@@ -34,6 +34,21 @@ class Tested(Protocol):
     sides: ClassVar[tuple[str, ...]]
 
 
+def through_valves(params: BenchParameters, u: Any, P: Any, inlet: Any) -> np.ndarray:
+    """Return the flow that the nominal valves let through at commands, at pressures behind and before them, kg/s."""
+    valve = params.valve
+    flow = valve_flow(
+        u,
+        P,
+        inlet,
+        params.gas.atmospheric_pressure,
+        sonic_conductance=valve.sonic_conductance,
+        critical_pressure_ratio=valve.critical_pressure_ratio,
+        reference_density=valve.reference_density,
+    )
+    return np.asarray(flow)
+
+
 class Model:
     """The parameters of a bench with its effects; `settled` leaves out the ends of stretches, `noise` adds noise."""
 
@@ -117,17 +132,8 @@ class Run:
         readings = self.stretch.readings
         if "u" not in readings or "P" not in readings:
             return None
-        gas, valve = self.model.params.gas, self.model.params.valve
-        flow = valve_flow(
-            readings["u"],
-            np.maximum(readings["P"], 1.0),
-            gas.supply_pressure,
-            gas.atmospheric_pressure,
-            sonic_conductance=valve.sonic_conductance,
-            critical_pressure_ratio=valve.critical_pressure_ratio,
-            reference_density=valve.reference_density,
-        )
-        return np.asarray(flow)
+        params = self.model.params
+        return through_valves(params, readings["u"], np.maximum(readings["P"], 1.0), params.gas.supply_pressure)
 
     def windows(self, equation: Tested) -> Windows:
         """Return the windows in which an equation is tested: those of which enough is known."""

@@ -4,9 +4,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..laws.valve import valve_flow
 from .base import Equation, Residual, spread
-from .run import Run
+from .run import Run, through_valves
 from .timing import timed
 from .windows import kernel
 
@@ -49,17 +48,7 @@ def passed(run: Run, shift: float = 0.0) -> np.ndarray:
     p, command, inlet = run.model.params, run.followed_command(), run.inlet_pressure()
 
     def flow() -> np.ndarray:
-        return np.asarray(
-            valve_flow(
-                command,
-                run.P + shift,
-                inlet,
-                p.gas.atmospheric_pressure,
-                sonic_conductance=p.valve.sonic_conductance,
-                critical_pressure_ratio=p.valve.critical_pressure_ratio,
-                reference_density=p.valve.reference_density,
-            )
-        )
+        return through_valves(p, command, run.P + shift, inlet)
 
     nominal = command is run.u and np.ndim(inlet) == 0
     through = run.kept(("passed", shift, float(inlet), p.gas, p.valve), flow) if nominal else flow()
@@ -76,13 +65,4 @@ def passed_per_command(run: Run) -> np.ndarray:
     """Return the flow through a fully open nominal valve, in the direction of its command, kg/s."""
     p = run.model.params
     way = np.where(run.u > 0, 1.0, -1.0)
-    flow = valve_flow(
-        way,
-        run.P,
-        p.gas.supply_pressure,
-        p.gas.atmospheric_pressure,
-        sonic_conductance=p.valve.sonic_conductance,
-        critical_pressure_ratio=p.valve.critical_pressure_ratio,
-        reference_density=p.valve.reference_density,
-    )
-    return np.asarray(way * flow)
+    return np.asarray(way * through_valves(p, way, run.P, p.gas.supply_pressure))

@@ -78,9 +78,12 @@ def diagnose_at_ports(
         return judged._replace(found=replace(found, notes=[*found.notes, INTERRUPTED]))
 
     def with_noise_of_inputs() -> Judged:
-        if not found.added or not evidence.hear_inputs(Fitter(evidence).refine(added(evidence, found))):
+        if found.verdict in ("none", "untested"):
             return judged
-        say("again, allowing for noise in the inputs, which the causes had hidden")
+        left = Fitter(evidence).refine(added(evidence, found)) if found.added else evidence.without_causes()
+        if not evidence.hear_inputs(left):
+            return judged
+        say("again, allowing for noise in the inputs")
         return diagnose_evidence(evidence, effects, seed, say, change)
 
     def with_inputs_otherwise() -> Judged:
@@ -119,7 +122,7 @@ def diagnose_evidence(
         say(where_so_far(searched.equations, np.array([scale(searched.z0[p], 0.0) for p in searched.parts])))
         known = learn(searched, asked, say)
         library = [name for name in asked if known.templates.get(name)]
-        notes = [*evidence.heard(known.share), *evidence.notes, *left_out]
+        notes = list(dict.fromkeys([*evidence.heard(known.share), *evidence.notes, *left_out]))
         if isinstance(searched, DirectEvidence) and isinstance(evidence, DirectEvidence) and searched is not evidence:
             remember_as(evidence, searched)
             notes.append(rows_searched(searched.log.n, log.n))
@@ -135,7 +138,7 @@ def diagnose_evidence(
             if verdict.named and max(searched.pulled_under(best.spec, best.x)) > LEAST_GAIN:
                 raise UnjudgedError(PULLED)
             doubted = verdict.reserved or not verdict.named
-            if doubted and any(map(searched.hides, about_as_good(outcome))):
+            if outcome.unseen(searched.hides) or (doubted and any(map(searched.hides, about_as_good(outcome)))):
                 raise UnjudgedError(UNSEEN)
             promising = outcome.best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):

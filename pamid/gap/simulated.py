@@ -187,7 +187,7 @@ def runner(evidence: PortEvidence) -> Run | None:
         return None
     made: list[tuple[ShootingEvidence, Fitter]] = []
 
-    def run(spec: Spec, refit: bool) -> float | None:
+    def run(spec: Spec, refit: bool, behind: float) -> float | None:
         if not made:
             part = part_of(evidence.log, MOST_ANSWERS // max(len(evidence.joints), 1))
             runs = ShootingEvidence(part, evidence.simulator)
@@ -196,11 +196,11 @@ def runner(evidence: PortEvidence) -> Run | None:
         if not spec.keys() <= runs.placements.keys():
             return None
         within = {k: runs.placements[k].inward(places[k].outward(v)) for k, v in spec.items()}
-        return (fitter.refine(within) if refit else fitter.at(within)).loglik
+        return (fitter.refine(within, behind=behind) if refit else fitter.at(within)).loglik
 
-    def run_if_it_can(spec: Spec, refit: bool) -> float | None:
+    def run_if_it_can(spec: Spec, refit: bool, behind: float) -> float | None:
         try:
-            return run(spec, refit)
+            return run(spec, refit, behind)
         except PamidError:  # the simulator does not follow the log
             return None
 

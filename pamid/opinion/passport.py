@@ -1,7 +1,6 @@
 """A parameter passport: numbers with intervals, the log on which they hold, what it leaves open; other rigs test it."""
 
 import html
-import json
 import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -16,7 +15,7 @@ from ..explained import explained_fields
 from ..file_sets import replacing_together
 from ..names import refuse_others
 from ..simulators import Simulator
-from ..toml_files import TomlErrors, read_toml
+from ..toml_files import TomlErrors, read_toml, toml_lines
 from .estimates import freed, settled
 from .judge import LEVEL, NEGLIGIBLE, Opinion
 
@@ -125,15 +124,14 @@ class Passport:
     def text(self) -> str:
         """Return the passport as TOML."""
         lines = ["# Parameter passport: what a log supports. Intervals hold 90 %.", "[passport]"]
-        lines += [f"log = {_toml(self.log)}", f"missing = {_toml(self.missing)}"]
-        lines += [] if self.agreement is None else [f"agreement_of_runs = {_toml(self.agreement)}"]
-        lines += ["", "[range]", *(f"{_toml(c)} = {_toml(list(r))}" for c, r in self.ranges.items()), "", "[numbers]"]
-        lines += [f"{_toml(n)} = {_toml(vars(e))}" for n, e in self.numbers.items()]
+        lines += toml_lines({"log": self.log, "missing": self.missing})
+        lines += [] if self.agreement is None else toml_lines({"agreement_of_runs": self.agreement})
+        lines += ["", "[range]", *toml_lines(self.ranges), "", "[numbers]"]
+        lines += toml_lines({name: vars(entry) for name, entry in self.numbers.items()})
         for weights in self.flat:
-            lines += ["", "[[flat]]", *(f"{_toml(n)} = {_toml(w)}" for n, w in weights.items())]
+            lines += ["", "[[flat]]", *toml_lines(weights)]
         for rig in self.rigs:
-            lines += ["", "[[rigs]]", f"name = {_toml(rig.name)}", f"outside = {_toml(rig.outside)}"]
-            lines += [f"status = {_toml(rig.status)}", f"values = {_toml({k: list(v) for k, v in rig.values.items()})}"]
+            lines += ["", "[[rigs]]", *toml_lines(vars(rig))]
         return "\n".join(lines) + "\n"
 
     @classmethod
@@ -221,17 +219,3 @@ def _rig(rig: RigCheck, name: str) -> str:
         return "–"
     value, half = rig.values[name]
     return f"{value:.4g} ± {half:.2g}, {html.escape(rig.status[name])}"
-
-
-def _toml(value: Any) -> str:
-    """Return a value in TOML."""
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=True)
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{_toml(str(k))} = {_toml(v)}" for k, v in value.items()) + " }"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_toml(v) for v in value) + "]"
-    number = float(value)
-    return repr(number) if np.isfinite(number) else "nan" if np.isnan(number) else f"{'-' if number < 0 else ''}inf"

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from ..errors import MissingColumnError, MissingTrajectoryError, ShapeError
+from ..errors import IncompatibleError, MissingColumnError, ShapeError
+from ..requirements import WithVolume
 from .style import SHOWN
 
 _AXES = {
@@ -39,15 +40,15 @@ def column(X: Any, name: str) -> np.ndarray:
     return np.asarray(X[name], dtype=float)
 
 
-def runs_of(X: Any, groups: Any) -> np.ndarray:
-    """Return the run of each row, from groups or the column ``trajectory``."""
-    if groups is None and "trajectory" in getattr(X, "columns", ()):
-        groups = X["trajectory"]
-    if groups is None:
-        raise MissingTrajectoryError(
-            "Neither groups nor a column 'trajectory' tell the runs.", "the run of each row", "Pass groups=."
+def with_volume(estimator: Any) -> WithVolume:
+    """Return an estimator; raise where it identifies no volume."""
+    if not isinstance(estimator, WithVolume):
+        raise IncompatibleError(
+            f"{type(estimator).__name__} identifies no volume.",
+            "an estimator with a method volume",
+            "Use a hybrid, geometric or polynomial model.",
         )
-    return np.asarray(groups).ravel()
+    return estimator
 
 
 def resting(estimator: Any, eps: np.ndarray, P: np.ndarray) -> Any:

@@ -1,34 +1,28 @@
 """How the error falls with the samples of an adaptation."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Self
+from dataclasses import dataclass
+from typing import Annotated, Any, Self
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 
 from ..errors import ParameterError, ShapeError
+from ..explained import explained_fields
+from ..signals.splits import trajectories_of
 from ._display import Display
-from ._signals import predicted, runs_of, target_of
+from ._signals import predicted, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, drawn_on, style
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY)
 _MARKS = ("o", "s", "^", "D", "v")
 
 
+@explained_fields
+@dataclass(eq=False, repr=False)
 class AdaptationDisplay(Display):
     """Error on unseen runs over the number of samples that an adaptation had, one curve per method.
-
-    Parameters
-    ----------
-    samples : ndarray, shape (n_sizes,)
-        Numbers of samples.
-    errors : dict of str to ndarray, shape (n_sizes,) or (n_sizes, n_draws)
-        Root mean square error of each method, SI; several draws give a band from the least to the largest.
-    before : float, optional
-        Error of the source as it is.
-    unit : str, default="N"
-        SI unit of the errors.
 
     Examples
     --------
@@ -38,20 +32,23 @@ class AdaptationDisplay(Display):
     'samples of the target'
     """
 
-    def __init__(
-        self, samples: np.ndarray, errors: Mapping[str, np.ndarray], before: float | None = None, unit: str = "N"
-    ) -> None:
-        for name, values in errors.items():
-            if len(values) != len(samples):
+    samples: Annotated[np.ndarray, "Numbers of samples; shape (n_sizes,)."]
+    errors: Annotated[
+        Mapping[str, np.ndarray],
+        "Root mean square error of each method, SI; several draws give a band from the least to the largest; shape "
+        "(n_sizes,) or (n_sizes, n_draws).",
+    ]
+    before: Annotated[float | None, "Error of the source as it is."] = None
+    unit: Annotated[str, "SI unit of the errors."] = "N"
+
+    def __post_init__(self) -> None:
+        for name, values in self.errors.items():
+            if len(values) != len(self.samples):
                 raise ShapeError(
-                    f"{name} has {len(values)} errors for {len(samples)} numbers of samples.",
+                    f"{name} has {len(values)} errors for {len(self.samples)} numbers of samples.",
                     "one per size",
                     "Correct it.",
                 )
-        self.samples = samples
-        self.errors = dict(errors)
-        self.before = before
-        self.unit = unit
 
     @classmethod
     def from_predictions(
@@ -67,8 +64,6 @@ class AdaptationDisplay(Display):
             Root mean square errors by method, SI.
         before : float, optional
             Error of the source as it is.
-        unit : str, default="N"
-            SI unit.
         """
         arrays = {str(name): np.asarray(values, dtype=float) for name, values in errors.items()}
         return cls(np.asarray(samples, dtype=int), arrays, before, unit)
@@ -103,8 +98,6 @@ class AdaptationDisplay(Display):
             Signals of runs that are kept for the score.
         y_test : array_like, shape (n_test_samples,)
             Target on them, SI.
-        groups : array_like, shape (n_samples,), optional
-            Run of each row of X; the column ``trajectory`` by default.
         samples : sequence of int, default=(50, 100, 200, 400)
             Numbers of samples.
         n_draws : int, default=3
@@ -129,7 +122,8 @@ class AdaptationDisplay(Display):
             raise ParameterError(
                 f"{max(samples)} samples are asked for; X has {len(X)}.", "at most as many", "Lower it."
             )
-        runs, y, y_test = runs_of(X, groups), np.asarray(y, dtype=float), np.asarray(y_test, dtype=float)
+        runs = trajectories_of(X, groups, needed_by="The picture")
+        y, y_test = np.asarray(y, dtype=float), np.asarray(y_test, dtype=float)
         draws = check_random_state(random_state)
         errors: dict[str, Any] = {name: np.full((len(samples), n_draws), np.nan) for name in methods}
         for k, n in enumerate(samples):

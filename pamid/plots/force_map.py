@@ -8,11 +8,11 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from ..errors import MissingColumnError, ParameterError
+from ..errors import ParameterError
 from ..explained import explained_fields
 from ..signals.thinning import spaced
 from ._display import Display
-from ._signals import resting
+from ._signals import column, resting
 from .style import drawn_on, style
 
 
@@ -58,11 +58,9 @@ class ForceMapDisplay(Display):
         ParameterError
             If there are fewer than two points.
         """
-        if lacking := [c for c in ("eps", "P") if c not in getattr(X, "columns", ())]:
-            raise MissingColumnError(f"X has no {', '.join(lacking)}.", "a DataFrame with eps and P", "Add the column.")
+        eps_all, P_all = column(X, "eps"), column(X, "P")
         if n_points < 2:
             raise ParameterError(f"n_points is {n_points}.", "at least 2", "Raise it.")
-        eps_all, P_all = X["eps"].to_numpy(dtype=float), X["P"].to_numpy(dtype=float)
         eps, P = (np.linspace(a.min(), a.max(), n_points) for a in (eps_all, P_all))
         grid = resting(estimator, np.tile(eps, n_points), np.repeat(P, n_points))
         force = np.asarray(estimator.predict(grid), dtype=float)

@@ -10,8 +10,9 @@ from matplotlib.axes import Axes
 
 from ..errors import UnknownOptionError
 from ..explained import explained_fields
+from ..signals.splits import trajectories_of
 from ._display import Display
-from ._signals import axis_of, column, predicted, runs_of, same_length, target_of
+from ._signals import axis_of, column, predicted, same_length, target_of
 from .style import BLUE, GREEN, GREY, ORANGE, PURPLE, drawn_on, style
 
 _COLOURS = (BLUE, ORANGE, GREEN, PURPLE)
@@ -77,7 +78,7 @@ class LoopDisplay(Display):
             Signals, with the column `across`.
         """
         y_true, y_pred = (np.asarray(y, dtype=float).ravel() for y in (y_true, y_pred))
-        return cls(column(X, across), y_true, y_pred, runs_of(X, groups), across, unit)
+        return cls(column(X, across), y_true, y_pred, trajectories_of(X, groups, needed_by="The picture"), across, unit)
 
     def plot(self, ax: Axes | None = None, *, runs: Sequence[Any] | None = None, most: int = 3) -> Self:
         """Draw some runs.

@@ -73,13 +73,13 @@ def new_figure(width: float, height: float, rows: int = 1, columns: int = 1, **o
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def drawn_on(ax: Axes | None, width: float = 5.0, height: float = 3.6) -> tuple[Figure, Axes]:
+def drawn_on(ax: Axes | None) -> tuple[Figure, Axes]:
     """Return the given axes with their figure, or new ones of pyplot, which a notebook shows."""
     if ax is not None:
         return ax.figure.canvas.figure, ax  # of a subfigure, too, the whole one; matplotlib 3.9 has no other way
     import matplotlib.pyplot as plt
 
-    figure, new = plt.subplots(figsize=(width, height), layout="constrained")
+    figure, new = plt.subplots(figsize=(5.0, 3.6), layout="constrained")
     return figure, new
 
 

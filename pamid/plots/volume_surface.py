@@ -9,12 +9,12 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from ..constants import ATMOSPHERIC_PRESSURE
-from ..errors import IncompatibleError, ParameterError
+from ..errors import ParameterError
 from ..explained import explained_fields
-from ..requirements import WithVolume
+from ..signals.splits import trajectories_of
 from ..signals.thinning import spaced
 from ._display import Display
-from ._signals import column, resting, runs_of
+from ._signals import column, resting, with_volume
 from .style import INK, drawn_on, style
 
 _FAR = 0.08  # of the range: beyond it from every sample the surface is drawn pale
@@ -89,7 +89,7 @@ class VolumeSurfaceDisplay(Display):
         from sklearn.utils import check_random_state
         from sklearn.utils.validation import has_fit_parameter
 
-        runs = runs_of(X, groups)
+        runs = trajectories_of(X, groups, needed_by="The spread over runs")
         names = np.unique(runs)
         if n_refits < 2 or len(names) < 2:
             raise ParameterError(
@@ -131,13 +131,7 @@ class VolumeSurfaceDisplay(Display):
         """
         from scipy.spatial import cKDTree
 
-        for estimator in estimators:
-            if not isinstance(estimator, WithVolume):
-                raise IncompatibleError(
-                    f"{type(estimator).__name__} identifies no volume.",
-                    "an estimator with a method volume",
-                    "Use a hybrid, geometric or polynomial model.",
-                )
+        estimators = [with_volume(estimator) for estimator in estimators]
         at = np.column_stack([column(X, "eps"), column(X, "P")])
         at = at[np.isfinite(at).all(axis=1)]
         low, high = np.quantile(at, [0.002, 0.998], axis=0)

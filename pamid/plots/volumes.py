@@ -10,10 +10,10 @@ from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..errors import ExcitationError, IncompatibleError, MissingColumnError
+from ..errors import ExcitationError
 from ..explained import explained_fields
-from ..requirements import WithVolume
-from ._signals import resting
+from ._display import Display
+from ._signals import column, resting, with_volume
 from .style import FAINT, GREY, INK, checked_ending, drawn_on, new_figure, save_figure, style
 
 _POINTS = 81
@@ -22,7 +22,7 @@ _LEAST = 5e-3  # contraction over which a volume is drawn at least
 
 @explained_fields
 @dataclass(eq=False, repr=False)
-class VolumeDisplay:
+class VolumeDisplay(Display):
     """Identified volume of a muscle over its contraction, at several pressures, beside its geometry.
 
     See Also
@@ -79,11 +79,6 @@ class VolumeDisplay:
         n_pressures : int, default=3
             Number of pressures, spread over those of the data.
 
-        Returns
-        -------
-        VolumeDisplay
-            To be drawn with ``plot``.
-
         Raises
         ------
         IncompatibleError
@@ -93,15 +88,7 @@ class VolumeDisplay:
         ExcitationError
             If the contraction is constant, as in an isometric log.
         """
-        if not isinstance(estimator, WithVolume):
-            raise IncompatibleError(
-                f"{type(estimator).__name__} identifies no volume.",
-                "an estimator with a method volume",
-                "Use a hybrid, geometric or polynomial model.",
-            )
-        if lacking := [c for c in ("eps", "P") if c not in getattr(X, "columns", ())]:
-            raise MissingColumnError(f"X has no {', '.join(lacking)}.", "a DataFrame with eps and P", "Add the column.")
-        all_eps, all_P = X["eps"].to_numpy(dtype=float), X["P"].to_numpy(dtype=float)
+        estimator, all_eps, all_P = with_volume(estimator), column(X, "eps"), column(X, "P")
         low, high = np.quantile(all_P, (0.1, 0.9))
         pressures = np.linspace(low, high, n_pressures)
         least, most = np.quantile(all_eps, (0.001, 0.999))
@@ -127,15 +114,8 @@ class VolumeDisplay:
 
         Parameters
         ----------
-        ax : Axes, optional
-            Where; a new figure of pyplot by default.
         slope : bool, default=False
             Whether to draw ∂V/∂ε instead of V.
-
-        Returns
-        -------
-        VolumeDisplay
-            With the attributes ``ax_`` and ``figure_``.
         """
         with style():
             self.figure_, self.ax_ = drawn_on(ax)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..toml_files import toml_key, toml_value
+from ..toml_files import toml_key, toml_lines, toml_value
 
 
 def mapping_text(
@@ -17,25 +17,20 @@ def mapping_text(
     lines = [f"# {_plain(title)}"] if title else []
     lines.append("# Names and units of this log; what is left out is as the log has it. All settings: docs/logs.md")
     plain = {k: v for k, v in settings.items() if not isinstance(v, Mapping) and k != "files"}
-    lines += _lines(plain)
+    lines += toml_lines(plain)
     if signals:
         lines += ["", "[signals]"]
     for name, entry in signals.items():
         comment = f"  # {_plain(comments[name])}" if comments.get(name) else ""
-        lines.append(f"{toml_key(name)} = {{ {', '.join(_lines(entry))} }}{comment}")
+        lines.append(f"{toml_key(name)} = {toml_value(entry)}{comment}")
     for key, table in settings.items():
         if isinstance(table, Mapping) and table:
-            lines += ["", f"[{key}]", *_lines(table)]
+            lines += ["", f"[{key}]", *toml_lines(table)]
     for entry in settings.get("files", ()):
-        inside = ", ".join(_lines(entry["constants"]))
-        lines += ["", "[[files]]", f"match = {toml_value(entry['match'])}", f"constants = {{ {inside} }}"]
+        lines += ["", "[[files]]", *toml_lines({key: entry[key] for key in ("match", "constants")})]
     if unused:
         lines += ["", "# Not used:", *(f"#   {_plain(text)}" for text in unused)]
     return "\n".join(lines) + "\n"
-
-
-def _lines(table: Mapping[str, Any]) -> list[str]:
-    return [f"{toml_key(name)} = {toml_value(value)}" for name, value in table.items()]
 
 
 def _plain(text: str) -> str:

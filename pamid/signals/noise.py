@@ -9,6 +9,7 @@ _MAD = 0.6744897501960817
 SPREAD = 1.49
 """Standard deviation of `white_noise` relative to the noise, times the root of the number of rows: 3,000 draws of 100
 to 3,200 rows (tests/signals/test_noise.py)."""
+_EXACT, _SHARED = 1e-9, 1e-6  # rounding of numbers as a share of the largest; smallest step as a share of the range
 _CLOSE, _FEW = 3.5, 40  # steps that four samples span at most, and how many such fours are enough
 
 
@@ -64,6 +65,27 @@ def quantisation_step(y: np.ndarray) -> float:
     step = float(np.median(spacing[spacing < 1.5 * spacing.min()]))
     multiples = np.diff(levels) / step
     return step if np.mean(np.abs(multiples - np.round(multiples)) < 0.05) >= 0.9 else 0.0
+
+
+def common_step(y: np.ndarray) -> float:
+    """Return the largest step of which all differences between levels are multiples, 0 where they share none.
+
+    A column that is written with three decimals has steps of 0.001, or multiples of it.
+    """
+    levels = np.unique(np.asarray(y, dtype=float))
+    left = np.diff(levels)
+    if not left.size:
+        return 0.0
+    least = _EXACT * max(abs(levels[0]), abs(levels[-1]))
+    while True:  # Euclid's algorithm, of all differences at once
+        step = float(left.min())
+        if step < _SHARED * float(levels[-1] - levels[0]):
+            return 0.0
+        rest = np.remainder(left, step)
+        rest = np.unique(rest[(rest > least) & (step - rest > least)])
+        if not rest.size:
+            return step
+        left = np.append(rest, step)
 
 
 def noise_level(y: np.ndarray, t: np.ndarray | None = None) -> float:

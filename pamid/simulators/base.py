@@ -15,7 +15,7 @@ from ..explained import explain
 from ..face import AnySimulator
 from ..files import write_whole
 from ..names import refuse_others
-from ..toml_files import toml_key, toml_value
+from ..toml_files import toml_lines
 from .between import Between, ends_of
 from .ports import ModelParameter, Port, as_parameters
 
@@ -284,15 +284,10 @@ class Simulator(AnySimulator):
         """Return its simulator file, in which files are named as seen from a folder."""
         table = self.page_table(folder)
         lines = ["# Simulator with ports. What each entry means: docs/simulators.md", f'kind = "{self.kind}"', ""]
-        lines += [f"[{self.kind}]", *(f"{k} = {toml_value(v)}" for k, v in table.items())]
-        lines += ["", "[ports]"]
-
-        def add(name: str, **said: Any) -> None:
-            lines.append(f"{toml_key(name)} = {{ {', '.join(f'{k} = {toml_value(v)}' for k, v in said.items())} }}")
-
+        lines += [f"[{self.kind}]", *toml_lines(table), "", "[ports]"]
         for port in self.ports:
             own = {f.name: value for f in fields(Port)[2:] if (value := getattr(port, f.name)) != f.default}
-            add(port.name, kind=port.kind, **own)
+            lines += toml_lines({port.name: {"kind": port.kind, **own}})
         none = {name for name, _ in self.joint_inertias().values()}
         none.update(name for load in self.carried().values() for name in load.numbers.values())
         none.update((*self.limits(), *self.dry_joints().values()))
@@ -300,16 +295,15 @@ class Simulator(AnySimulator):
         if numbers:
             lines += ["", "[parameters]"]
             for name, p in numbers.items():
-                add(name, value=float(p.value), tolerance=float(p.tolerance), unit=p.unit)
+                said = {"value": float(p.value), "tolerance": float(p.tolerance), "unit": p.unit}
+                lines += toml_lines({name: said})
         for b in self.between:
-            lines += ["", "[[between]]", f"ends = [{toml_value(b.first)}, {toml_value(b.second)}]"]
-            lines += [f"ratio = {float(b.ratio)!r}"] if b.ratio is not None else []
-            lines += [f"inertia = [{', '.join(map(toml_value, b.inertia))}]"] if b.inertia is not None else []
+            lines += ["", "[[between]]", *toml_lines({"ends": (b.first, b.second)})]
+            lines += toml_lines({"ratio": float(b.ratio)}) if b.ratio is not None else []
+            lines += toml_lines({"inertia": b.inertia}) if b.inertia is not None else []
         for name, where, values in self.effects:
-            both = ends_of(where)
-            at = toml_value(where) if both is None else f"[{', '.join(map(toml_value, both))}]"
-            lines += ["", "[[effects]]", f"effect = {toml_value(name)}", f"at = {at}"]
-            lines += [f"{k} = {float(v)!r}" for k, v in values.items()]
+            lines += ["", "[[effects]]", *toml_lines({"effect": name, "at": ends_of(where) or where})]
+            lines += toml_lines({k: float(v) for k, v in values.items()})
         return "\n".join(lines) + "\n"
 
     def write_corrected(

@@ -138,7 +138,7 @@ class EquationSimulator(FunctionSimulator):
 
     def page_table(self, folder: Path) -> dict[str, Any]:
         """Return the entries of the simulator file's table."""
-        return {f'"{left}"': right for left, right in self.equations.items()}
+        return dict(self.equations)
 
 
 def sides(equations: Mapping[str, str]) -> tuple[dict[str, str], dict[str, str]]:

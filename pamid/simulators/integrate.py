@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from ..effects import Effect
 from .base import Simulator
 from .chains import Chains
 from .placement import Placement
+from .sticking import Forces, Hold, settled
 from .structure import JointPort
 
 Acting = Sequence[tuple[Placement, Effect]]
@@ -82,6 +84,25 @@ class Runner:
             x, k, length = known[-1], k + len(known) - 1, 2 * (len(known) - 1)
         out[k] = x
         return out
+
+    def kept(
+        self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting, memory: list[Any]
+    ) -> np.ndarray | None:
+        """Return how much remains of a small change just before the end of steps, shape (n_steps, n_states, n_states).
+
+        None if nothing holds a motion: then all of it is.
+        """
+        if not any(made.holds for _, made in acting):
+            return None
+
+        def after(change: np.ndarray) -> np.ndarray:
+            return self._step(t, self.dt, x, u, p, acting, memory, list(self.paths), change)[0]
+
+        size = np.max(np.abs(x), axis=1)
+        size = 1e-7 * np.where(size > 0.0, size, 1.0)
+        base = after(np.zeros((len(x), 1)))
+        columns = [(after(h * np.eye(len(x))[:, [k]]) - base) / h for k, h in enumerate(size)]
+        return np.stack(columns, axis=1).transpose(2, 0, 1)
 
     def _step_by_step(
         self, first: int, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
@@ -187,32 +208,61 @@ class Runner:
 
     def _step(
         self, t: np.ndarray, h: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
-        memory: list[Any], paths: Sequence[str],
+        memory: list[Any], paths: Sequence[str], change: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, list[Any]]:  # fmt: skip
+        """Return states and memory after a step, with a change of the states just before what holds them acts."""
         before = [place.signals(self._table(x, u, paths), t) for place, _ in acting]
+        holding = [k for k, (_, made) in enumerate(acting) if made.holds]
 
-        def rate(later: float, y: np.ndarray) -> np.ndarray:
-            return self._rate(
-                t + later, y, u, p, acting, self._moved(acting, memory, before, y, u, later, t, paths), paths
-            )
+        def after(held: Forces) -> tuple[np.ndarray, np.ndarray]:
+            forces = dict(zip(holding, held, strict=True))
 
-        a = rate(0.0, x)
-        b = rate(h / 2, x + h / 2 * a)
-        c = rate(h / 2, x + h / 2 * b)
-        d = rate(h, x + h * c)
-        x = x + h / 6 * (a + 2 * b + 2 * c + d)
+            def rate(later: float, y: np.ndarray) -> np.ndarray:
+                now = self._moved(acting, memory, before, y, u, later, t, paths, forces)
+                return self._rate(t + later, y, u, p, acting, now, paths, forces)
+
+            a = rate(0.0, x)
+            b = rate(h / 2, x + h / 2 * a)
+            c = rate(h / 2, x + h / 2 * b)
+            d = rate(h, x + h * c)
+            return x + h / 6 * (a + 2 * b + 2 * c + d) + change, a
+
+        holds = [self._hold(*acting[k], memory[k], before[k], u, t, h, paths) for k in holding]
+        x = settled(after, holds, h) if holds else after([])[0]
         return x, self._moved(acting, memory, before, x, u, h, t, paths)
+
+    def _hold(
+        self, place: Placement, made: Effect, memory: Any, s0: Any, u: np.ndarray, t: np.ndarray, h: float,
+        paths: Sequence[str],
+    ) -> Hold:  # fmt: skip
+        """Return an effect that holds a motion, in a step."""
+
+        def at_end(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            s1 = self._came(place, s0, y, u, h, t, paths)
+            bent = made.step(memory, s0, s1, h * place.scales.time, place.plant)
+            return np.asarray(place.force(made, s1, bent)), s1.position - s0.position
+
+        way, begun = h * place.scales.time * s0.velocity, np.asarray(place.force(made, s0, memory))
+        return Hold(begun, way, made.turns_within, place.scales.target, at_end)
+
+    def _came(
+        self, place: Placement, before: Any, y: np.ndarray, u: np.ndarray, h: float, t: np.ndarray,
+        paths: Sequence[str],
+    ) -> Any:  # fmt: skip
+        """Return the signals at the end of a step, the position where the speed there leads from its beginning."""
+        s = place.signals(self._table(y, u, paths), t + h)
+        return s.with_(position=before.position + h * place.scales.time * s.velocity)
 
     def _moved(
         self, acting: Acting, memory: list[Any], before: list[Any], x: np.ndarray, u: np.ndarray, later: float,
-        t: np.ndarray, paths: Sequence[str],
+        t: np.ndarray, paths: Sequence[str], forces: Mapping[int, np.ndarray] = MappingProxyType({}),
     ) -> list[Any]:  # fmt: skip
         if later == 0.0 or not acting or not any(made.n_states for _, made in acting):
             return memory
         table, out = self._table(x, u, paths), []
-        for (place, made), m, s0 in zip(acting, memory, before, strict=True):
-            if made.n_states:
-                s1 = place.signals(table, t + later)
+        for k, ((place, made), m, s0) in enumerate(zip(acting, memory, before, strict=True)):
+            if made.n_states and k not in forces:
+                s1 = self._came(place, s0, x, u, later, t, paths) if made.holds else place.signals(table, t + later)
                 out.append(made.step(m, s0, s1, later * place.scales.time, place.plant))
             else:
                 out.append(m)
@@ -220,7 +270,7 @@ class Runner:
 
     def _rate(
         self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting, memory: list[Any],
-        paths: Sequence[str],
+        paths: Sequence[str], forces: Mapping[int, np.ndarray],
     ) -> np.ndarray:  # fmt: skip
         simulator, n = self.simulator, len(self.simulator.states)
         if not acting and not paths:
@@ -228,8 +278,8 @@ class Runner:
         added = np.zeros_like(x)
         if acting:
             table, at, u = self._table(x, u, paths), (t, x[:n], u, p), u.copy()
-            for (place, made), m in zip(acting, memory, strict=True):
-                force = place.force(made, place.signals(table, t), m)
+            for k, ((place, made), m) in enumerate(zip(acting, memory, strict=True)):
+                force = forces[k] if k in forces else place.force(made, place.signals(table, t), m)
                 place.push(made, force, simulator, at, u, added)
         added[:n] += simulator.rate(t, x[:n], u, p)
         for k, name in enumerate(paths):

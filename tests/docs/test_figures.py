@@ -83,7 +83,7 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     once, model = (float(free[name][-2]) for name in ("LiftedLoad(StaticPIHM)", "ForwardModel(direction)"))
     yield "docs/choosing.md", f"the latter runs {once / model:.0f} times faster"
     worse = [float(free[f"{name}(one step)"][0]) / float(free[name][0]) for name in ("PolynomialNARX", "NNARX")]
-    yield "docs/choosing.md", "have {:.1f} (`PolynomialNARX`) and {:.1f} times (`NNARX`)".format(*worse)
+    yield "docs/choosing.md", "the error of `PolynomialNARX` by {:.1f} and that of `NNARX` by {:.1f}".format(*worse)
     fits = [found for found in re.findall(r"^InverseModel .*? {2,}([\d.]+) ", blocks["inverse-model"], re.M)]
     yield "benchmarks/targets.md", f"| {min(fits)} to {max(fits)} s of one core |"
 
@@ -109,7 +109,10 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         f"{share[False, inverse]:.2f} times the error of PID alone (with twice the friction, "
         f"{share[True, inverse]:.2f} times)",
     )
-    yield "docs/inverse.md", f"learning online, {share[False, learning]:.2f} and {share[True, learning]:.2f} times."
+    yield (
+        "docs/inverse.md",
+        f"learning online, the factors are {share[False, learning]:.2f} and {share[True, learning]:.2f}.",
+    )
     yield "benchmarks/targets.md", f"{share[True, inverse]:.2f}; learning online {share[True, learning]:.2f}"
     yield (
         "docs/inverse.md",
@@ -121,18 +124,21 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     tenth = re.findall(r"by 10 %: told in 3 of 3, delay median (\d+) s, largest (\d+) s", blocks["changes"])
     assert all(found == of for found, of, *_ in told)
     medians, largest = ([int(one[k]) for one in tenth] for k in (0, 1))
-    yield "docs/streaming.md", f"of the force is {min(medians)} to {max(medians)} s, the longest {max(largest)} s"
+    median = f"{min(medians)} to {max(medians)} s"
+    yield "docs/streaming.md", f"| median time to detect a 10 % change of the force | {median} ("
+    yield "docs/streaming.md", f"| longest time to detect it | {max(largest)} s"
     named = re.findall(r"^(\w+) .* (\d+) streams: named rightly within 2 s 100.0%", blocks["streaming-runs"], re.M)
     streams = {who: sum(int(n) for name, n in named if name == who) for who, _ in named}
     assert len(set(streams.values())) == 1
     yield (
         "docs/streaming.md",
-        f"`GapMonitor` and `OnlineAdapter` name a leak or friction within 2 s in all of {streams['GapMonitor']}",
+        "| a leak or friction named within 2 s by `GapMonitor` and `OnlineAdapter` "
+        f"| in all of {streams['GapMonitor']} streams |",
     )
     (rate,) = re.findall(r"([\d,]+) a second of one core", blocks["streaming-samples"])
-    yield "docs/streaming.md", f"`OnlineAdapter` processes {rate} samples per second on one core"
+    yield "docs/streaming.md", f"`OnlineAdapter` processes per second on one core | {rate} in CPU time"
     peak, bound = re.findall(r"parquet +\d+ MB +100000 +[\d.]+ +(\d+) +(\d+)", blocks["large-logs"])[0]
-    yield "docs/distributed.md", f"(measured: {peak} MB for 10⁷ rows in pieces of 100,000)"
+    yield "docs/distributed.md", f"- measured: {peak} MB for 10⁷ rows in pieces of 100,000."
     assert int(peak) <= int(bound)
 
     def at(block: str, name: str, log: int) -> float:
@@ -158,20 +164,19 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
     ours, vendor = arm["pamid: causes it names"], arm["a vendor's fit to another arm"]
     beside = f"for comparison, a vendor's fit: {vendor} mrad"
     yield "docs/measured.md", f"| {arm['public model']} → {ours} mrad | {beside} |"
-    yield "docs/published.md", f"the best other fit: {ours} mrad and"
+    yield "docs/published.md", f"| absolute | 14 mrad | {ours} mrad |"
     opinions = blocks["second-opinion"]
     causes, fits = re.findall(r"(\d+) causes on 4 simulators, (\d+) fits", opinions)[0]
     biased, told, rate = re.findall(r"absorbed a cause: (\d+), told (\d+) \((\d+)%", opinions)[0]
     clean, accused = re.findall(r"clean: (\d+), accused (\d+)", opinions)[0]
     assert accused == "0"
     faulty = int(fits) - int(clean)
-    yield "docs/published.md", f"Of {faulty} fits to logs with a cause ({causes} kinds), {biased} had"
-    yield (
-        "docs/published.md",
-        f"in {told} of these ({rate} %), pamid found the cause. None of {clean} fits to logs without a cause",
-    )
+    yield "docs/published.md", f"| to logs with a cause ({causes} kinds) | {faulty} |"
+    yield "docs/published.md", f"| of these, with a biased parameter | {biased} |"
+    yield "docs/published.md", f"| of the {biased}, cause found by pamid | {told} ({rate} %) |"
+    yield "docs/published.md", f"| to logs without a cause | {clean} |"
     bound = 100 * (1 - 0.05 ** (1 / int(clean)))  # 95 % of none in so many
-    yield "docs/published.md", f"gave a false alarm (95 % bound: {bound:.1f} %)"
+    yield "docs/published.md", f"| of these, false alarms | {accused} (95 % bound: {bound:.1f} %) |"
     arm_block = blocks["published-so101"]
     bands, lags = (
         sorted(1e3 * float(x) for x in re.findall(rf"(?:{kind}) ([\d.]+)", arm_block))
@@ -185,8 +190,8 @@ def quoted(blocks: dict[str, str]) -> Iterator[tuple[str, str]]:
         re.findall(rf"{joint}: (\d+) mrad.*; ([\d.]+) mrad for {common}", arm_block)[0] for joint in ("pan", "roll")
     ]
     (most, least), (most_roll, least_roll) = steps
-    yield "docs/published.md", f"by only {least} mrad (pan) and {least_roll} mrad (roll)"
-    yield "docs/published.md", f"a step of that length in the best-determined direction, by {most} and {most_roll} mrad"
+    yield "docs/published.md", f"its own factor of 1.2 to 1.8 | {least} mrad | {least_roll} mrad |"
+    yield "docs/published.md", f"| the best-determined | {most} mrad | {most_roll} mrad |"
     aim = "of those named without reservations"
     (wrong,) = re.findall(rf"{aim} .*?\*\*missed\*\*", page("docs/withheld.md"))
     share = re.findall(r"([\d.]+) % \(", wrong)[0]

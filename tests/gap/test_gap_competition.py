@@ -92,6 +92,19 @@ def test_a_faint_effect_counts_once_a_strong_one_is_explained() -> None:
     assert set(both.templates) == {0, 1} and both.scales[0] < 1.1
 
 
+def test_a_set_has_one_form_of_a_law() -> None:
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(600, 2))
+    z, free = rng.normal(size=600) - columns.sum(axis=1), (np.array([-np.inf]), np.array([np.inf]))
+    names = "dry@q", "dry@q (in the solver)"
+    library = [Template(name, {}, ("a",), columns[:, k : k + 1], *free) for k, name in enumerate(names)]
+    empty, cost = np.zeros(0), dict.fromkeys(names, 3.0)
+    subsets = Subsets(
+        z, np.zeros((600, 0)), empty, empty, empty, library, cost, [slice(0, 600)], np.ones(600), np.ones(1)
+    )
+    assert max(len(s.templates) for s in subsets.grow(2)) == 1
+
+
 def beyond_a_tolerance(seed: int = 0, n: int = 2000) -> Subsets:
     """Return a parameter that is a twentieth further off than its tolerance allows, and what is like it."""
     rng = np.random.default_rng(seed)

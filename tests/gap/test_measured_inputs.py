@@ -5,8 +5,9 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
-from pamid.gap.residuals.measured_inputs import quieter, shown
+from pamid.gap.residuals.measured_inputs import quieter, rough_inputs, shown
 from pamid.gap.simulated import evidence_of
+from pamid.signals.noise import common_step
 from pamid.simulators import EquationSimulator, Port
 
 ROTOR = EquationSimulator(
@@ -80,3 +81,15 @@ def test_residuals_too_small_for_the_noise_of_inputs_show_that_they_are_exact():
     for size, expected in {1.0: True, 5.0: True, 20.0: False, 80.0: False}.items():
         assert quieter(size * rng.standard_normal(500), white, both, parts) is expected
     assert not quieter(0.5 * rng.standard_normal(500), white, white, parts)  # where inputs add nothing
+
+
+def test_steps_of_a_held_command_are_no_noise():
+    """Pulses of 1 to 3 V with three decimals: their smallest difference says nothing of a sensor."""
+    rng = np.random.default_rng(0)
+    held = np.repeat(np.round(rng.uniform(-1.0, 1.0, 12), 3), 50)
+    assert common_step(held) == pytest.approx(1e-3)
+    smooth = np.sin(0.01 * np.arange(1800))
+    u = np.array([np.concatenate([smooth, held]), np.concatenate([smooth + 0.01 * rng.standard_normal(1800), held])])
+    spans = [(0, 1800), (1800, 2400)]
+    quiet, loud = rough_inputs(u, spans)
+    assert quiet < 1e-4 and loud == pytest.approx(0.01 * 0.75**0.5, rel=0.1)

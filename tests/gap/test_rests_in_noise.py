@@ -18,9 +18,9 @@ SIMULATOR = EquationSimulator(
 SPEEDS, REST, MOVE = (0.05, -0.1, 0.2, -0.05, 0.1, -0.2), 60, 60
 
 
-def driven(friction: float, noise: float, seed: int) -> pd.DataFrame:
+def driven(friction: float, noise: float, seed: int, share: float = 1.0, rows: int = 2000) -> pd.DataFrame:
     """Return a log of a carriage under a controller, with dry friction that holds it while it rests."""
-    speed = np.resize(np.concatenate([np.r_[np.zeros(REST), np.full(MOVE, v)] for v in SPEEDS]), 2000)
+    speed = share * np.resize(np.concatenate([np.r_[np.zeros(REST), np.full(MOVE, v)] for v in SPEEDS]), rows)
     speed = np.convolve(speed, [0.5, 0.5], "same")
     wanted, x, v, h, out = np.cumsum(speed) * DT, 0.0, 0.0, DT / STEPS, []
     for k, target in enumerate(wanted):
@@ -53,3 +53,10 @@ def test_a_ripple_that_is_undone_changes_the_noise_of_each_rest_by_its_slope_the
     expected = [np.sqrt(np.mean(np.square(slope[evidence.first[w] :][: 3 * evidence.n]))) for w in rests]
     assert len(rests) > 10 and np.corrcoef(spread[rests], np.minimum(expected, 1.0))[0, 1] > 0.8
     assert np.min(spread) < 0.8 * np.max(spread) < 0.85  # what is louder than motion costs elsewhere
+
+
+def test_slow_moves_between_rests_show_dry_friction_and_no_heavy_carriage():
+    effects = ["coulomb_friction", "actuator_dead_zone", "actuator_hysteresis", "parameter_deviation"]
+    found = diagnose_simulator(driven(20.0, 1e-4, 5, 0.2, 1200), SIMULATOR, effects, seed=0)
+    assert [cause.effects for cause in found.causes] == [("coulomb_friction",)]
+    assert abs(found.causes[0].parameters["amplitude"].value / 20.0 - 1.0) < 0.05

@@ -1,13 +1,13 @@
 """The file of designed runs: one TOML table per run, for ``pamid simulate --runs``."""
 
-import json
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from ...bench.references import Trajectory
 from ...errors import LogFormatError, ParameterError
+from ...toml_files import toml_lines
 from .family import DesignedRun, Limits
 
 _LIMIT = 1 << 20
@@ -17,17 +17,8 @@ def runs_text(runs: Sequence[Any], names: Sequence[str], header: str = Limits.he
     """Return runs as the text of a file."""
     lines = [f"# {header}", ""]
     for run, name in zip(runs, names, strict=True):
-        lines += ["[[run]]", f"name = {json.dumps(name)}"]
-        for key, value in run.as_dict().items():
-            lines.append(f"{key} = {_literal(value)}")
-        lines += [f"# {run.words}", ""]
+        lines += ["[[run]]", *toml_lines({"name": name, **run.as_dict()}), f"# {run.words}", ""]
     return "\n".join(lines)
-
-
-def _literal(value: object) -> str:
-    if isinstance(value, Mapping):
-        return "{ " + ", ".join(f"{json.dumps(str(k))} = {_literal(v)}" for k, v in value.items()) + " }"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
 def read_runs(path: str | Path) -> list[Trajectory]:

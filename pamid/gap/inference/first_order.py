@@ -73,11 +73,17 @@ class FirstOrder:
             if gains[t] > 0.0:
                 best.setdefault(self.templates[t].effect, int(t))
         found = sorted((about.fit((t,)) for t in list(best.values())[: 4 * KEPT]), key=lambda s: -s.score)
+        # Along a run in which it holds nothing, what it does where it holds does not show.
+        effects = self.evidence.effects
+        holding = [t for name, t in best.items() if effects[name].holds and not effects[name].extends]
+        holding = holding[:KEPT] if self.evidence.simulates else []
         if not found:
             return []
         gain = max(found[0].score - about.fit(()).score, 0.0)
         reach = CLOSE + (CLOSE_SHARE + self._bent(found[0])) * gain
-        return [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
+        close = [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
+        known = {s.templates for s in close}
+        return close + [about.fit((t,)) for t in holding if (t,) not in known]
 
     def _bent(self, subset: Subset) -> float:
         """Return the share of its contribution by which a set differs from its first-order model, at most 1."""

@@ -9,7 +9,7 @@ import numpy as np
 from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
 from ..settings import TOLERANCE
-from .descent import Bounds, Prior, descend
+from .descent import BROYDEN, Bounds, Prior, descend
 from .rough import compass, longer
 from .sensitivity import adds
 from .student_t import RobustFit, solve
@@ -153,6 +153,13 @@ class Fitter:
         """Fit everything, beginning from a spec."""
         spec, x = self.evidence.folded(spec, np.zeros(self.n) if near is None else near)
         if self.evidence.bends:
+            if self.evidence.simulates and any(self.evidence.effects[name].holds for name in spec):
+                # When a hold begins and ends says little before its size is right.
+                begun = {
+                    name: dict(self.evidence.effects[name](**values).sharp().values) for name, values in spec.items()
+                }
+                sized = self._descended(begun, x, LAID, BROYDEN * FINAL, behind, moved=lambda p: p.linear)
+                spec, x = sized.spec, sized.x
             return self._descended(spec, x, LAID, min(gain, FINAL), behind)
         found = self._refined(spec, x, steps, gain)
         for _ in range(ROUNDS - 1):
@@ -199,18 +206,24 @@ class Fitter:
     def _descended(
         self, spec: dict[str, dict[str, float]], x: np.ndarray, rounds: int, gain: float, behind: float,
         held: bool = False, turned: Callable[[np.ndarray], np.ndarray] = lambda z: z,
+        moved: Callable[[Parameter], bool] = lambda p: True,
     ) -> Fit:  # fmt: skip
         """Fit everything, or tolerances beside fixed effects, each step linearised where the last one ended."""
-        evidence, n, slots = self.evidence, self.n, [] if held else slots_of(self.evidence.effects, spec)
+        evidence, n = self.evidence, self.n
+        every = slots_of(evidence.effects, spec)
+        slots = [] if held else [(name, p) for name, p in every if moved(p)]
         phi = np.array([np.clip(spec[name].get(p.name, p.nominal), p.lower, p.upper) for name, p in slots], dtype=float)
         ends = np.array([(p.lower, p.upper) for _, p in slots]).reshape(-1, 2)
 
         def named(y: np.ndarray) -> dict[str, dict[str, float]]:
-            return spec if held else _spec(slots, y[n:])
+            if held:
+                return spec
+            there = {(name, p.name): v for (name, p), v in zip(slots, y[n:], strict=True)}
+            return _spec(every, [there.get((k, p.name), spec[k].get(p.name, p.nominal)) for k, p in every])
 
         def slopes(y: np.ndarray) -> np.ndarray:
             J = evidence.slopes(named(y), y[:n])
-            D = self.jacobian(slots, y[n:], J, y[:n])[0] if slots else np.zeros((len(J), 0))
+            D = self.jacobian(slots, y[n:], J, y[:n], named(y))[0] if slots else np.zeros((len(J), 0))
             return turned(np.column_stack([J, D]))
 
         def bounds(y: np.ndarray) -> Bounds:
@@ -248,9 +261,10 @@ class Fitter:
         phi: np.ndarray,
         z: np.ndarray,
         x: np.ndarray,
+        spec: Spec | None = None,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return sensitivities by finite differences, and how far a step may go."""
-        D, spec = np.zeros((len(z), len(phi))), _spec(slots, phi)
+        D, spec = np.zeros((len(z), len(phi))), spec or _spec(slots, phi)
         # Contributions to an equation are additive, with or without other effects.
         apart = len(spec) > 1 and not self.evidence.bends and all(adds(self.evidence.effects[n]) for n in spec)
         for k, ((name, p), v) in enumerate(zip(slots, phi, strict=True)):
@@ -338,7 +352,7 @@ def _mixes(p: Parameter) -> bool:
     return not p.linear and (p.share or (p.unit == "-" and p.nominal == p.lower == 0.0))
 
 
-def _spec(slots: Sequence[tuple[str, Parameter]], phi: np.ndarray) -> dict[str, dict[str, float]]:
+def _spec(slots: Sequence[tuple[str, Parameter]], phi: Sequence[float] | np.ndarray) -> dict[str, dict[str, float]]:
     spec: dict[str, dict[str, float]] = {}
     for v, (name, p) in zip(phi, slots, strict=True):
         spec.setdefault(name, {})[p.name] = float(np.clip(v, p.lower, p.upper))

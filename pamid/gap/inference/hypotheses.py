@@ -1,12 +1,13 @@
 """Hypotheses: sets of effects with their evidence, from the screening of the library to the outcome."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from ...effects import Effect
+from ..residuals.protocol import Spec
 from ..settings import CLOSE, CLOSE_SHARE, KEPT
 from .gauss_newton import Fit
 from .subsets import Subset, Subsets
@@ -61,6 +62,9 @@ class Outcome:
     score first."""
     refitted: list[Hypothesis] = field(default_factory=list)
     """All sets that were refitted, the highest score first."""
+    unseen: Callable[[Callable[[Spec], bool]], bool] = lambda hides: False
+    """Returns whether runs show what holds a motion, where the equations prefer another cause, told whether noise hides
+    a set of effects there; takes some runs."""
 
 
 class Screen(NamedTuple):

@@ -8,6 +8,9 @@ fares worse is refitted to the runs before it is ruled out, since a small error 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
 
 from ..residuals.protocol import Spec
 from ..settings import CLOSE, CLOSE_SHARE, DECIDED, KEPT
@@ -16,19 +19,19 @@ from .hypotheses import Hypothesis, Outcome
 from .sensitivity import adds
 from .so_far import in_words
 
-Run = Callable[[Spec, bool], "float | None"]
-"""Returns the log-likelihood of the log in runs of the simulator with effects, refitted if asked; None where it cannot
-be run."""
+Run = Callable[[Spec, bool, float], "float | None"]
+"""Returns the log-likelihood of the log in runs of the simulator with effects, refitted if asked, unless that promises
+less than a bound; None where it cannot be run."""
 
 
 def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
     """Return the outcome without effects whose runs miss the log by far more than those of another in their place."""
     known: dict[tuple[frozenset[str], bool], float | None] = {}
 
-    def ran(h: Hypothesis, refit: bool = False) -> float | None:
+    def ran(h: Hypothesis, refit: bool = False, behind: float = -np.inf) -> float | None:
         if (h.names, refit) not in known:
             competition.say("run " + ", ".join(map(in_words, h.fit.spec)))
-            known[h.names, refit] = run(h.fit.spec, refit)
+            known[h.names, refit] = run(h.fit.spec, refit, behind)
         return known[h.names, refit]
 
     for _ in range(ROUNDS):
@@ -41,7 +44,30 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
         if not worse - competition.worse or competition.interrupted:
             break
         outcome = competition.without(worse, outcome)
-    return outcome
+    return replace(outcome, unseen=lambda hides: _unseen(competition, outcome, ran, hides))
+
+
+def _unseen(
+    competition: Competition, outcome: Outcome, ran: Callable[..., "float | None"], hides: Callable[[Spec], bool]
+) -> bool:  # fmt: skip
+    """Return whether what holds a motion, and noise hides, simulates it better than a cause that equations prefer.
+
+    A cause that leaves more than noise may leave what happens near rest, where rates are mostly noise. What leaves
+    more than twice as much is no rival.
+    """
+    best, effects = outcome.best, competition.evidence.effects
+    if competition.interrupted or competition.enough(best) or any(effects[name].holds for name in best.names):
+        return False
+    for name in best.names:
+        for h in competition.likeliest(best, name, lambda k: effects[k].holds):
+            sharp = {k: effects[k](**values).sharp().values for k, values in h.fit.spec.items()}
+            if np.any(h.left > 2.0 * best.left) or not hides(sharp):
+                continue
+            if (here := ran(best)) is None or (there := ran(h, True, here + DECIDED)) is None:
+                continue
+            if there > here + DECIDED and there > (ran(best, True) or here) + DECIDED:
+                return True
+    return False
 
 
 def _near(competition: Competition, outcome: Outcome) -> dict[str, dict[str, Hypothesis]]:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -137,6 +138,11 @@ def relinearised(evidence: ResidualSource, found: Sequence[Template], spec: Spec
 
 
 _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
+
+
+def law_of(name: str) -> str:
+    """Return an effect's name without the form of its law, which stands in brackets."""
+    return re.sub(r" \([^)]*\)", "", name)
 
 
 def has_form(effect: type[Effect]) -> bool:

@@ -18,6 +18,7 @@ from ...equations.joined import joined
 from ...equations.log import BenchLog, columns_of
 from ...equations.run import Model, Run
 from ...equations.stretch import pool_noise
+from ...remembered import Remembered
 from ...signals.state import ROLES
 from ..settings import LEAST_GAIN, OTHER_SYSTEMS
 from .beginnings import without_beginnings
@@ -25,8 +26,8 @@ from .protocol import STATE, Spec, lanes
 from .settled import Settled
 from .whitening import Whitening
 
-RECENT = 24
-"""Residuals under effects that are kept, the last ones asked for."""
+RECENT, FEW = 24, 6
+"""Residuals under effects that are kept, the last ones asked for; tangents and noises."""
 
 
 class Evidence(Settled):
@@ -38,7 +39,7 @@ class Evidence(Settled):
     """Lengths, angles and masses; valves, friction and gas may change from day to day."""
     bends = False
     """Whether a gain or a length is just that; any other model may be wrong in several small ways at once."""
-    rough = False
+    rough = simulates = False
     least_gain = LEAST_GAIN
     """Gain in log-likelihood that a first effect must bring at least; noise alone rarely brings one."""
     decisive = LEAST_GAIN
@@ -57,7 +58,6 @@ class Evidence(Settled):
     def __init__(self, log: pd.DataFrame | BenchLog, params: BenchParameters) -> None:
         log = BenchLog.of(log)
         self.params, self.effects = params, dict(all_effects())
-        self._widening: tuple[str, np.ndarray | None] = ("", None)
         allowed, self.skipped = allowed_equations(log)
         self._equations: dict[str, Equation] = allowed
         channels = [c for c in CHANNELS if log.holds(c)]
@@ -112,9 +112,7 @@ class Evidence(Settled):
         # A derivative does not resolve a jump of a command between samples: few windows may be far out there.
         self.sharp = [part for e, part in zip(self.equations, self.parts, strict=True) if allowed[e].order == 1]
         self._state: dict[str, np.ndarray] | None = None
-        self._tangents: dict[bytes, np.ndarray] = {}
-        self._recent: dict[tuple[str, bytes], np.ndarray] = {}
-        self._spreads: dict[str, np.ndarray] = {}
+        self._tangents, self._spreads, self._recent = (Remembered[np.ndarray](n) for n in (FEW, FEW, RECENT))
 
     def prior(self, name: str) -> float:
         """Return the logarithm of the odds with which an effect is expected on a bench."""
@@ -234,15 +232,12 @@ class Evidence(Settled):
         """Return z0 such that z0 + ``J x`` equals the exact residuals at deviations x, a tangent of the model there."""
         deviations = dict(zip(self.free, map(float, x), strict=True))
         key = np.asarray(x, dtype=float).tobytes()
-        if key not in self._tangents:
-            exact = self.z({}, deviations, equations=None) if np.any(x) else self.z0
-            self._tangents = {**dict(list(self._tangents.items())[-5:]), key: exact - self.J @ x}
-        if not spec:
-            return self._tangents[key]
-        # Derivatives with respect to each parameter start from the same effects, which recur.
-        asked = repr(spec), key
-        if asked not in self._recent:
-            out, changed, linear = self._tangents[key].copy(), self.z(spec, deviations), self.J @ x
+
+        def bare() -> np.ndarray:
+            return (self.z({}, deviations, equations=None) if np.any(x) else self.z0) - self.J @ x
+
+        def made() -> np.ndarray:
+            out, changed, linear = self._tangents.get(key, bare).copy(), self.z(spec, deviations), self.J @ x
             for name in self.touched(spec):
                 part = self.parts[self.equations.index(name)]
                 out[part] = changed[part] - linear[part]
@@ -251,8 +246,10 @@ class Evidence(Settled):
                     kept = without_beginnings(changed[part], columns, self._lanes[part])[0]
                     out[part] = kept - linear[part]
             out.flags.writeable = False
-            self._recent = {**dict(list(self._recent.items())[1 - RECENT :]), asked: out}
-        return self._recent[asked]
+            return out
+
+        # Derivatives with respect to each parameter start from the same effects, which recur.
+        return self._recent.get((repr(spec), key), made) if spec else self._tangents.get(key, bare)
 
     def glance(self, spec: Spec) -> np.ndarray:
         """Return what effects change in the residuals."""
@@ -317,19 +314,14 @@ class Evidence(Settled):
         lags = {name: values for name, values in spec.items() if self.effects[name].filters_readings()}
         if not lags:
             return None
-        key = repr(lags)
-        if self._widening[0] != key:
-            self._widening = (key, np.maximum(self._noise_under(self.corrected(lags)), 1.0))
-        return self._widening[1]
+        return self._spreads.get(repr(lags), lambda: np.maximum(self._noise_under(self.corrected(lags)), 1.0))
 
     def spread(self, spec: Spec, x: np.ndarray) -> np.ndarray:
         """Return each window's noise as a share of the nominal simulator's; lags are left to `widening`."""
         instant = {name: values for name, values in spec.items() if not self.effects[name].filters_readings()}
+        deviations = dict(zip(self.free, map(float, x), strict=True))
         key = f"{instant!r} {np.asarray(x, dtype=float).tobytes()!r}"
-        if key not in self._spreads:
-            params = self.corrected(instant, dict(zip(self.free, map(float, x), strict=True)))
-            self._spreads = {**dict(list(self._spreads.items())[-5:]), key: self._noise_under(params)}
-        return self._spreads[key]
+        return self._spreads.get(key, lambda: self._noise_under(self.corrected(instant, deviations)))
 
     def _noise_under(self, params: BenchParameters) -> np.ndarray:
         """Return the noise of each window under a simulator, as a share of the nominal one's."""

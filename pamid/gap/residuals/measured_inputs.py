@@ -3,6 +3,10 @@ r"""Noise of inputs that are measured, such as a pressure or a current: it count
 A command is exact, with all that its controller adds; what drives the system is not the noise of a sensor that reads an
 input. Which of the two an input is shows in what residuals leave from window to window, where gaps, which are slow,
 show little: it has the size of the noise of readings alone, or of that of both.
+
+A command is exact to the digits that a log keeps of it. What rounding takes from a value that is held lasts as long as
+a gap does, so that it is asked for only where no cause explains the residuals. Values that are those of a grid, such as
+counts of a converter, are exact: then residuals are smaller than rounding would leave.
 """
 
 from __future__ import annotations
@@ -13,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...equations.noise import channel_noise
+from ...signals.noise import common_step, third_differences, white_noise
 from ..settings import EXCESS, LEAST_GAIN, MATERIAL
 
 
@@ -24,8 +29,34 @@ def white_over(x: np.ndarray, spans: Sequence[tuple[int, int]], n: int) -> float
 
 def rough_inputs(u: np.ndarray, spans: Sequence[tuple[int, int]]) -> np.ndarray:
     """Return the standard deviation of what is white in each input; 0 where it is none, or most of the input."""
-    sigma = np.array([white_over(row, spans, 1) for row in u])
+    sigma = np.array([_white_input(row, spans) for row in u])
     return np.where(sigma < MATERIAL * np.std(u, axis=1), sigma, 0.0)  # more drives the system
+
+
+def _white_input(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> float:
+    """Return what is white in an input over all runs; where it is held, its smallest jump is no step of a sensor."""
+    step = common_step(x)
+    held = [(a, b) for a, b in spans if white_noise(third_differences(x[a:b])) == 0.0]
+    power = [step**2 / 12.0 if run in held else channel_noise(x[slice(*run)], 1).white ** 2 for run in spans]
+    return float(np.sqrt(np.average(power, weights=[b - a for a, b in spans])))
+
+
+def roundings(u: np.ndarray, rough: np.ndarray) -> np.ndarray:
+    """Return the step to which a log rounds each input; 0 where it is none, most of the input, or within its noise."""
+    steps = np.array([common_step(row) for row in u])
+    sigma = steps / np.sqrt(12.0)
+    return np.where((sigma > rough) & (sigma < MATERIAL * np.std(u, axis=1)), steps, 0.0)
+
+
+def rounded_off(u: np.ndarray, steps: np.ndarray, starts: np.ndarray, rng: np.random.RandomState) -> np.ndarray:
+    """Return a draw of what rounding to steps takes from inputs: it lasts as a held value does, and zero is exact."""
+    out = np.zeros(u.shape)
+    for k in np.flatnonzero(steps):
+        new = np.diff(u[k], prepend=np.nan) != 0.0
+        new[starts] = True
+        held = np.cumsum(new) - 1
+        out[k] = np.where(u[k] == 0.0, 0.0, steps[k] * rng.uniform(-0.5, 0.5, held[-1] + 1)[held])
+    return out
 
 
 def shown(left: np.ndarray, readings: np.ndarray, inputs: Sequence[np.ndarray], parts: Sequence[slice]) -> list[int]:

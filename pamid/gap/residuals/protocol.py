@@ -48,6 +48,7 @@ class ResidualSource(Protocol):
     stretch: float  # correlation time of the residuals, s
     exact: bool
     bends: bool
+    simulates: bool  # residuals are of runs of the simulator, not of its equations
     rough: bool  # changes are differences of whole runs of somebody's code, which may stick, switch or step
     rows: int  # of the log, which show its noise
     overlap: int  # most windows of an equation that one reading is in

@@ -20,6 +20,7 @@ import numpy as np
 
 from ...simulators.base import Simulator
 from ...simulators.chains import Chains
+from ...simulators.integrate import Runner
 from ...simulators.placement import Placement
 from ...simulators.port_log import PortLog
 from ...simulators.structure import JointPort
@@ -54,6 +55,7 @@ class Response:
         joints: Sequence[JointPort],
     ) -> None:  # fmt: skip
         self.simulator, self.log, self.firsts = simulator, log, firsts
+        self.joints = joints
         self.paths = {f"{j.name}.path": simulator.states.index(j.velocity) for j in joints if not j.position}
         ends = np.append(firsts[1:], log.n)
         self.before = np.concatenate([np.arange(a, b - 1) for a, b in zip(firsts, ends, strict=True)]).astype(int)
@@ -70,11 +72,7 @@ class Response:
 
     def _pushed(self, drive: Drive, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the inputs at mid-step, and the effects' additions to the rates themselves."""
-        before = self.before
-        u = drive.u[:, before].copy()
-        if drive.lines:
-            whole = drawn(drive.u, self.log.starts, 1)
-            u = 0.5 * (whole[:, before] + whole[:, before + 1])
+        before, u = self.before, self._held_inputs(drive)
         added = np.zeros((len(x), len(before)))
         middle = self._own(0.5 * (x[:, before] + x[:, before + 1]))
         at = self.log.t[before], middle, u.copy(), drive.p[:, before]
@@ -83,6 +81,13 @@ class Response:
             force = 0.5 * (force[before] + force[before + 1])
             place.push(made, force, self.simulator, at, u, added)
         return u, added
+
+    def _held_inputs(self, drive: Drive) -> np.ndarray:
+        """Return a copy of the inputs at mid-step."""
+        if not drive.lines:
+            return drive.u[:, self.before].copy()
+        whole = drawn(drive.u, self.log.starts, 1)
+        return np.asarray(0.5 * (whole[:, self.before] + whole[:, self.before + 1]))
 
     def _rates(self, drive: Drive, x: np.ndarray | None = None) -> np.ndarray:
         """Return the rates at mid-step, shape (n_states, n_steps), at other states if given."""
@@ -134,7 +139,20 @@ class Response:
         for _ in range(halvings):  # clipped in between, so that what grows without end stays finite
             integral = np.clip(0.5 * (integral + integral @ step), -_MOST, _MOST)
             step = np.clip(step @ step, -_MOST, _MOST)
-        return step, integral * dt
+        kept = self._kept(drive)
+        return (step, integral * dt) if kept is None else (kept @ step, kept @ integral * dt)
+
+    def _kept(self, drive: Drive) -> np.ndarray | None:
+        """Return what effects that hold a motion leave of a change within each step; None without such effects."""
+        at, u = self.before, self._held_inputs(drive)
+        s = self._signals(self.x, drive.u)
+        memory = [
+            np.asarray(made.trace(place.signals(s, self.log.t), place.plant, self.log.dt * place.scales.time,
+                                  self.firsts))[..., at] if made.n_states else np.zeros((0,))
+            for place, made in drive.acting
+        ]  # fmt: skip
+        runner = Runner(self.simulator, self.log.dt, self.joints)
+        return runner.kept(self.log.t[at], self.x[:, at], u, drive.p[:, at], drive.acting, memory)
 
     def to(self, drive: Drive) -> np.ndarray:
         """Return by how much the states change under another drive, shape (n_states, n)."""

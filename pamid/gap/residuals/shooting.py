@@ -46,6 +46,11 @@ UNSURE = 4.0
 """Factor by which a state that is not logged may be larger or smaller than with parameters that had to be fitted."""
 
 
+def holds(active: Active) -> bool:
+    """Return whether an effect holds a motion at rest."""
+    return any(made.holds for _, made in active)
+
+
 class Begun(NamedTuple):
     """Initial states under a change."""
 
@@ -226,7 +231,7 @@ class ShootingEvidence(PredictedEvidence):
         left = self._left(readings, predicted)
         influence, anew = self._O, changed and channels is None and len(x0) > 0
         if anew:
-            if kind not in self._moved:
+            if kind not in self._moved or holds(active):
                 x0, left = self._read_or(x0, left, active, numbers)
             (x0, influence), left = self._begun_best(x0, left, active, numbers)
         shift = self._explained(left, influence)
@@ -256,6 +261,8 @@ class ShootingEvidence(PredictedEvidence):
     ) -> tuple[Begun, np.ndarray]:
         """Return the initial states that fit best under a change, and what they leave."""
         read = self._as_read(x0, active, numbers)
+        if read is None and holds(active):
+            read = self._slopes(x0, numbers, active)
         influence = self._O if read is None else self._influence(read)
         power, share = self._squares(left), np.ones(len(self.stretches))
         for done in range(ROUNDS):
@@ -283,6 +290,8 @@ class ShootingEvidence(PredictedEvidence):
         if not len(self._x0) or self.simulator.form == "run" or read & set(self.folds):
             # The response may itself be a run; and to a reading without its sign initial states are fitted already.
             return self._x0 + self._moved.get(kind, 0.0)
+        if holds(active) and not holds(self._own) and kind not in self._moved:
+            return self._starts()  # a run that nothing holds begins elsewhere
         about, known = self._last.get(kind, (self._own, self.simulator.numbers))
         # The response of the unchanged run is known, and close enough as a start.
         there, before = (
@@ -299,8 +308,8 @@ class ShootingEvidence(PredictedEvidence):
         return self._whitening.white(found / self.noise)
 
     def _moved_by(self, steps: Sequence[np.ndarray], x: np.ndarray, active: Active) -> list[np.ndarray]:
-        """Return what steps of the tolerances change, to first order and without effects that have a memory."""
-        at = [(place, made) for place, made in active if not (place.acts and made.n_states)]
+        """Return what steps of the tolerances change, to first order and without effects whose memory they change."""
+        at = [(place, made) for place, made in active if made.holds or not (place.acts and made.n_states)]
         return [self._changed(at, self._numbers_at(x + s), at, self._numbers_at(x)) for s in steps]
 
     def _changed(self, active: Active, numbers: np.ndarray, about: Active, known: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,17 @@ from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
-from .measured_inputs import exceeds, quieter, relative, rough_inputs, shown, white_over, without_slow
+from .measured_inputs import (
+    exceeds,
+    quieter,
+    relative,
+    rough_inputs,
+    rounded_off,
+    roundings,
+    shown,
+    white_over,
+    without_slow,
+)
 from .repeats import repeating
 from .tolerances import Tolerances, rms
 from .whitening import Whitening, memory_of, smoothed
@@ -27,6 +37,9 @@ REPLICATES = 6
 NEAR = 12
 """Windows to either side over which the noise of one is averaged."""
 MEASURED = "The noise of {} is allowed for: the residuals show that such inputs are measured, not commanded."
+ROUNDED = (
+    "What the log rounds off {} counts as noise: no cause explains the residuals, which have the size that it leaves."
+)
 _LEAST = 1e-6
 
 
@@ -51,6 +64,8 @@ class WindowNoise(Tolerances, ABC):
     _drawn: np.ndarray
     hears_inputs = False
     """Whether the noise of inputs counts."""
+    hears_rounding = False
+    """Whether what the log rounds off inputs counts."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
@@ -120,23 +135,54 @@ class WindowNoise(Tolerances, ABC):
         self.noise = np.hypot(self.noise, self._unresolved)
 
     def hear_inputs(self, fitted: RobustFit | Fit | None = None) -> bool:
-        """Return whether what a fit, without causes by default, leaves shows the noise of inputs, which then counts."""
-        if self.hears_inputs or self.simulator.form == "algebraic":  # whose inputs are readings anyway
+        """Return whether what a fit, without causes by default, leaves shows the noise of inputs, which then counts.
+
+        What a log rounds off is asked for where a fit is given: a small cause must have been looked for before.
+        """
+        if self.simulator.form == "algebraic":  # whose inputs are readings anyway
             return False
-        sigma = rough_inputs(self._u, self.log.spans)
-        if not np.any(sigma):
+        u, names = self._u, self.simulator.inputs
+        sigma = rough_inputs(u, self.log.spans)
+        rough = [
+            (name, lambda rng, e=e: e[:, None] * rng.standard_normal(u.shape))
+            for name, e in zip(names, np.diag(sigma), strict=True)
+            if np.any(e)
+        ]
+        if not self.hears_inputs and self._hear(rough, fitted, MEASURED):
+            self.hears_inputs = True
+            return True
+        if fitted is None or self.hears_rounding:
+            return False
+        rounded = [
+            (name, lambda rng, e=e: rounded_off(u, e, self.log.starts, rng))
+            for name, e in zip(names, np.diag(roundings(u, sigma)), strict=True)
+            if np.any(e)
+        ]
+        self.hears_rounding = self._hear(rounded, fitted, ROUNDED, lasting=True)
+        return self.hears_rounding
+
+    def _hear(
+        self,
+        each: Sequence[tuple[str, Callable[[np.random.RandomState], np.ndarray]]],
+        fitted: RobustFit | Fit | None,
+        note: str,
+        lasting: bool = False,
+    ) -> bool:
+        """Return whether residuals show noise of inputs, by draws of that of each, which then counts."""
+        if not each:
             return False
         begin = [p.start for p in self.parts if p.stop > p.start]
         new = np.union1d(begin, np.flatnonzero(np.diff(self.run)) + 1).astype(int).tolist()
+        adds_up = self.simulates or lasting
 
         def quick(z: np.ndarray) -> np.ndarray:
             # Predictions go astray slowly by the noise of inputs.
-            return z if self.simulates else without_slow(z, new, NEAR)
+            return z if adds_up else without_slow(z, new, NEAR)
 
         def judged(r: np.ndarray) -> np.ndarray:
             # A fit of parameters takes from noise that lasts what it can, as it did from the residuals.
             z = self._whitening.white(r / self.noise)
-            return quick(self._fitted(z).z if self.simulates else z)
+            return quick(self._fitted(z).z if adds_up else z)
 
         shortens = self.simulates and self.simulator.form == "ode" and fitted is None  # see `beside_inputs`
         fitted = fitted or self.without_causes()
@@ -147,31 +193,26 @@ class WindowNoise(Tolerances, ABC):
             return False
         rng, count = np.random.RandomState(1), len(self._drawn)
         different = count if self.simulator.form != "run" else 2  # each is a run of the simulator
-        noise = [
-            [e[:, None] * rng.standard_normal(self._u.shape) for _ in range(different)]
-            for e in np.diag(sigma)[sigma > 0.0]
-        ]
+        noise = [[draw(rng) for _ in range(different)] for _, draw in each]
         within = dict(zip(self.free, fitted.x + self.about, strict=True))
         draws = [
-            [self._under_inputs(self._u + timed(e, within, self.simulator.inputs, self.log)) for e in each]
-            for each in noise
+            [self._under_inputs(self._u + timed(e, within, self.simulator.inputs, self.log)) for e in some]
+            for some in noise
         ]
-        alike = [np.array([judged(one) for one in each]) for each in draws]
-        each = [x[np.arange(count) % different] for x in alike]
-        every = np.sum(each, axis=0)
+        alike = [np.array([judged(one) for one in some]) for some in draws]
+        alone = [x[np.arange(count) % different] for x in alike]
+        every = np.sum(alone, axis=0)
         self.by_inputs = relative(every, readings, self.parts)
         self.beyond_inputs = exceeds(left, readings + every, self.parts, surely=True)
         self.exact_inputs = quieter(left, readings, readings + every, self.parts)
-        which = shown(left, readings, each, self.parts) if beyond else []
+        which = shown(left, readings, alone, self.parts) if beyond else []
         if not which:
             return False
         for k in which:
             self._drawn += np.array(draws[k])[np.arange(count) % different]
         louder = self._u + np.sum([noise[k][(count - 1) % different] for k in which], axis=0)
         self._copies[-1] = {**self._copies[-1], **dict(zip(self.simulator.inputs, louder, strict=True))}
-        names = [n for n, s in zip(self.simulator.inputs, sigma, strict=True) if s > 0.0]
-        self.hears_inputs = True
-        self.notes.append(MEASURED.format(" and ".join(names[k] for k in which)))
+        self.notes.append(note.format(" and ".join(each[k][0] for k in which)))
         self._level()
         self._correlate()
         self._lay_again()

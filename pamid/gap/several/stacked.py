@@ -48,6 +48,7 @@ class StackedEvidence(Settled):
             log.evidence.also_under(known.names)
         sources: list[ResidualSource] = [log.evidence for log in self.logs]
         self.exact, self.bends, self.one_sided = sources[0].exact, sources[0].bends, sources[0].one_sided
+        self.simulates = any(s.simulates for s in sources)
         self.overlap = max(s.overlap for s in sources)
         self.rows = sum(s.rows for s in sources)
         self.curved, self.rough = any(s.curved for s in sources), any(s.rough for s in sources)
