@@ -62,7 +62,7 @@ class Outcome:
     score first."""
     refitted: list[Hypothesis] = field(default_factory=list)
     """All sets that were refitted, the highest score first."""
-    unseen: Callable[[Callable[[Spec], bool]], bool] = lambda hides: False
+    unseen: Callable[[Callable[[Spec], bool]], bool] = field(default_factory=lambda: lambda hides: False)
     """Returns whether runs show what holds a motion, where the equations prefer another cause, told whether noise hides
     a set of effects there; takes some runs."""
 
