@@ -90,8 +90,8 @@ def _root(at_end: AtEnd, within: float) -> np.ndarray:
     top, free = at_end(np.zeros(()))
     full, slid = at_end(top)
     behind = full - top
-    done = (np.sign(behind) != -np.sign(top)) | ~np.isfinite(behind)
-    if done.all():  # it slides
+    slides = (np.sign(behind) != -np.sign(top)) | ~np.isfinite(behind)
+    if slides.all():
         return top
     with np.errstate(all="ignore"):
         slope = (slid - free) / top
@@ -101,7 +101,8 @@ def _root(at_end: AtEnd, within: float) -> np.ndarray:
     more = off * top > 0.0
     a, ahead = np.where(more, rest, 0.0), np.where(more, off, top)
     b, behind = np.where(more, top, rest), np.where(more, behind, off)
-    b, done = np.where(off == 0.0, rest, b), done | (off == 0.0)
+    # What slides does so whatever other runs do beside it.
+    b, done = np.where(slides, top, np.where(off == 0.0, rest, b)), slides | (off == 0.0)
     for k in range(_ROUNDS):
         done |= (np.abs(b - a) <= _EXACT * np.abs(top)) | (np.abs(behind) <= _EXACT * np.abs(top))
         if done.all():

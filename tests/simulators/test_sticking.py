@@ -108,3 +108,12 @@ def test_all_steps_at_once_come_to_what_they_come_to_one_by_one():
     acting, runner = [friction(amplitude=20.0)], Runner(block(), DT)
     exact = runner.states(t, np.zeros((2, 1)), u, none, acting)
     np.testing.assert_allclose(runner.states(t, np.zeros((2, 1)), u, none, acting, near=exact + 1e-3), exact, atol=1e-9)
+
+
+def test_a_run_is_the_same_alone_and_beside_others():
+    (t, u), none = drive(5), np.zeros((0, 1))
+    acting = [friction("stribeck_friction", coulomb=12.0, breakaway=9.0, velocity=0.02)]
+    both = np.concatenate([u, drive(6)[1]], axis=2)[:60]
+    runs = [Runner(block(), DT).states(t[:60], np.zeros((2, 1)), both[:, :, [k]], none, acting) for k in range(2)]
+    found = Runner(block(), DT).states(np.repeat(t[:60], 2, axis=1), np.zeros((2, 2)), both, np.zeros((0, 2)), acting)
+    np.testing.assert_allclose(found, np.concatenate(runs, axis=2), atol=1e-9)
