@@ -386,26 +386,28 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
     mass, gas = known.mass(piston, first.state), _gas(known, first.state, piston)
     factors = [factor_of(first.unit), factor_of(second.unit)]
 
-    def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        J = slopes(simulator, SomeInstants(t, x, u, at.step), rows)
+    def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = slopes(simulator, SomeInstants(t, x, u, at.step), rows, p)
         fills = J[rows[:2], 2]
         if gas:  # what a piston displaces counts by its pressure, so that the slope over it is that of a flow
             moved, far = x.copy(), FAR * at.step
             moved[rows[:2]] += far[rows[:2], None]
-            fills = slopes(simulator, SomeInstants(t, moved, u, at.step), rows[2:])[rows[:2], 0] - fills
+            fills = slopes(simulator, SomeInstants(t, moved, u, at.step), rows[2:], p)[rows[:2], 0] - fills
             fills = fills / (far[rows[:2]] * factors)[:, None]
         return -fills[0] / J[rows[2], 0], -fills[1] / J[rows[2], 1]
 
-    size = 1.0 / mass[0] if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u)[0])) * factors[0]
+    nominal = spread_numbers(simulator, len(at.t))
+    size = 1.0 if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u, nominal)[0])) * factors[0]
 
-    def make(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        one, two = raw(t, x, u)
-        return one * size / factors[0], two * size / factors[1]
+    def make(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        one, two = raw(t, x, u, p)
+        moved = size if mass is None else size / mass.of(p)
+        return one * moved / factors[0], two * moved / factors[1]
 
     kept: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(_KEPT)
 
     def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return kept.get(hash((x.tobytes(), u.tobytes())), lambda: make(t, x, u))
+        return kept.get(hash((x.tobytes(), u.tobytes(), p.tobytes())), lambda: make(t, x, u, p))
 
     unit = rate_unit(simulator, first.state)
     if mass is not None:
@@ -440,6 +442,6 @@ def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple
         for by in dict.fromkeys((other.across, other.state)):
             mass = known.mass(own.state, by)
             if mass is not None:
-                return share / mass[0], share / mass[0] / weight, mass[1]
+                return share / mass.value, share / mass.value / weight, mass.unit
     one = factor_of(first.unit)
     return one, one / weight, rate_unit(known.simulator, first.state)
