@@ -11,6 +11,7 @@ import pytest
 
 from pamid.errors import MissingParameterError, ParameterError, UnknownOptionError
 from pamid.gap import diagnose_simulator
+from pamid.gap.settings import LEAST_GAIN
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import Between, FunctionSimulator, Port, page_text, read_simulator
 from pamid.simulators.integrate import Runner
@@ -222,6 +223,15 @@ def test_a_leak_has_its_size_where_the_bulk_modulus_differs() -> None:
 def test_friction_at_one_port_is_named_there(simulator, log, effect, where) -> None:
     found = diagnose_simulator(log(), simulator, list(LIBRARY))
     assert found.causes[0].effects[0] == effect and found.causes[0].where[0] == where
+
+
+def test_noise_pulls_nothing_along_a_change_that_leaves_all_rates_as_they_are() -> None:
+    """Masses, springs, damper and friction that are all larger by one factor give the same motion."""
+    evidence = evidence_of(strut_log(rubbing(strut=40.0)), STRUT)
+    place = evidence.placements["coulomb_friction@body and wheel"]
+    plain = {p.name: p.nominal for p in place.effect.parameters}
+    friction = plain | place.inward({"amplitude": 40.0, "transition": 2e-3})
+    assert evidence.pulled_under({place.key: friction}, np.zeros(5))[1] < LEAST_GAIN
 
 
 @pytest.mark.parametrize(
