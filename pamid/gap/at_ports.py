@@ -168,10 +168,10 @@ def diagnose_evidence(
 
 
 def in_question(outcome: Outcome) -> list[Spec]:
-    """Return the best set of effects and, where it leaves a gap, those that leave none but were too dear in noise."""
+    """Return the best set and, if it leaves a gap as large as noise, those that close it but were too dear in noise."""
     best = outcome.best
     closed = [h.fit.spec for h in outcome.refitted if h is not best and np.all(h.left <= 1.0 + EXCESS)]
-    return [best.fit.spec, *(closed if np.any(best.left > 1.0 + EXCESS) else [])]
+    return [best.fit.spec, *(closed if np.any(best.left > np.sqrt(2.0)) else [])]
 
 
 def about_as_good(outcome: Outcome) -> list[Spec]:

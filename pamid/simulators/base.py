@@ -288,10 +288,10 @@ class Simulator(AnySimulator):
         for port in self.ports:
             own = {f.name: value for f in fields(Port)[2:] if (value := getattr(port, f.name)) != f.default}
             lines += toml_lines({port.name: {"kind": port.kind, **own}})
-        none = {name for name, _ in self.joint_inertias().values()}
-        none.update(name for load in self.carried().values() for name in load.numbers.values())
-        none.update((*self.limits(), *self.dry_joints().values()))
-        numbers = {n: p for n, p in self.parameters.items() if n not in none or (p.value, p.tolerance) != (0.0, 0.0)}
+        none = [name for name, _ in self.joint_inertias().values()]
+        none += [name for load in self.carried().values() for name in load.numbers.values()]
+        own = dict.fromkeys([*none, *self.limits()], 0.0) | dict(self.dry_joints().values())
+        numbers = {n: p for n, p in self.parameters.items() if n not in own or (p.value, p.tolerance) != (own[n], 0.0)}
         if numbers:
             lines += ["", "[parameters]"]
             for name, p in numbers.items():
@@ -373,8 +373,8 @@ class Simulator(AnySimulator):
         """Return for each joint the number to which additional inertia is added, and its present inertia."""
         return {}
 
-    def dry_joints(self) -> dict[str, str]:
-        """Return for each joint without dry friction in the model's own solver the number that gives it some."""
+    def dry_joints(self) -> dict[str, tuple[str, float]]:
+        """Return for each joint the number that is dry friction in the model's own solver, and its value there."""
         return {}
 
     def carried(self) -> dict[str, Carried]:

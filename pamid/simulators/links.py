@@ -3,31 +3,27 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..errors import ParameterError, UnknownOptionError
-from ..remembered import Remembered
 from ..signals.units import UNITS
 from .base import Simulator
 from .between import Between, ends_of
 from .dimensions import unit_powers
 from .lever import Lever
-from .reciprocity import MOSTLY, SAME, STEP, Slopes, SomeInstants, factor_of, slopes
+from .reciprocity import MOSTLY, SAME, STEP, Mass, Slopes, SomeInstants, factor_of, slopes
+from .shares import Shares, scaled_shares
 from .structure import JointPort, rate_unit, spread_numbers
 
 _FORCES = ("N", "N m")
-_KEPT = 4
 FAR = 100.0
 """Steps of a slope over which it is asked how the slope itself changes."""
 MOST_STATES = 40
 """Number of states above which only named pairs are used, since finding pairs probes every state."""
-
-Shares = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], tuple[Any, Any]]
-"""Of times, states, inputs and parameters: rates at both ends of one unit of what flows through."""
 
 
 class LinkEnd(NamedTuple):
@@ -331,9 +327,9 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
         here = known.of(first.state, x2)
         if here is not None and known.of(second.state, x1) is not None:
             values[k] = float(np.median(here)) / (lever * one) * one_unit
-    scaled = one / one_unit, two / two_unit
     ratio = lever * two_unit / one_unit
-    return Link(b.name, first, second, ratio, unit, lambda t, x, u, p: scaled, values[0], values[1])
+    shares = _following(known, (first, second), (one / one_unit, two / two_unit))
+    return Link(b.name, first, second, ratio, unit, shares, values[0], values[1])
 
 
 def _levered(lever: Lever | None, first: LinkEnd, second: LinkEnd) -> Link | None:
@@ -376,7 +372,7 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
             return None
         one, two, unit = _sized(known, (first, second), float(np.median(weight)))
         scaled = one / factor_of(first.unit), two / factor_of(second.unit)
-        return Link(b.name, first, second, 1.0, unit, lambda t, x, u, p: scaled)
+        return Link(b.name, first, second, 1.0, unit, _following(known, (first, second), scaled))
     for piston in simulator.states:
         if piston not in (first.state, second.state) and _parts(known, piston, first.state, second.state):
             break
@@ -386,31 +382,28 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
     mass, gas = known.mass(piston, first.state), _gas(known, first.state, piston)
     factors = [factor_of(first.unit), factor_of(second.unit)]
 
-    def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        J = slopes(simulator, SomeInstants(t, x, u, at.step), rows)
+    def raw(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        J = slopes(simulator, SomeInstants(t, x, u, at.step), rows, p)
         fills = J[rows[:2], 2]
         if gas:  # what a piston displaces counts by its pressure, so that the slope over it is that of a flow
             moved, far = x.copy(), FAR * at.step
             moved[rows[:2]] += far[rows[:2], None]
-            fills = slopes(simulator, SomeInstants(t, moved, u, at.step), rows[2:])[rows[:2], 0] - fills
+            fills = slopes(simulator, SomeInstants(t, moved, u, at.step), rows[2:], p)[rows[:2], 0] - fills
             fills = fills / (far[rows[:2]] * factors)[:, None]
         return -fills[0] / J[rows[2], 0], -fills[1] / J[rows[2], 1]
 
-    size = 1.0 / mass[0] if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u)[0])) * factors[0]
+    nominal = spread_numbers(simulator, len(at.t))
+    size = 1.0 if mass is not None else 1.0 / float(np.median(raw(at.t, at.x, at.u, nominal)[0])) * factors[0]
 
-    def make(t: np.ndarray, x: np.ndarray, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        one, two = raw(t, x, u)
-        return one * size / factors[0], two * size / factors[1]
-
-    kept: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(_KEPT)
-
-    def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return kept.get(hash((x.tobytes(), u.tobytes())), lambda: make(t, x, u))
+    def make(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        one, two = raw(t, x, u, p)
+        moved = size if mass is None else size / mass.of(p)
+        return one * moved / factors[0], two * moved / factors[1]
 
     unit = rate_unit(simulator, first.state)
     if mass is not None:
         unit = "Pa m^3/s" if gas else "m^3/s"
-    return Link(b.name, first, second, 1.0, unit, shares)
+    return Link(b.name, first, second, 1.0, unit, scaled_shares(simulator, make))
 
 
 def _parts(known: Slopes, piston: str, first: str, second: str) -> bool:
@@ -433,13 +426,29 @@ def _gas(known: Slopes, level: str, piston: str) -> bool:
     return bool(np.median(np.abs(there / known.J[i, k] - 1.0)) > 10.0 * SAME)
 
 
+def _mass(known: Slopes, own: LinkEnd, other: LinkEnd) -> Mass | None:
+    """Return the parameter that is the mass of an end, by what the other end does to it."""
+    found = (known.mass(own.state, by) for by in dict.fromkeys((other.across, other.state)))
+    return next((mass for mass in found if mass is not None), None)
+
+
+def _following(known: Slopes, ends: tuple[LinkEnd, LinkEnd], at_numbers: tuple[float, float]) -> Shares:
+    """Return constant shares of two ends, as the masses of the simulator change them."""
+    masses = [_mass(known, *ends), _mass(known, *ends[::-1])]
+
+    def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:
+        one, two = (s if m is None else s * m.value / m.of(p) for s, m in zip(at_numbers, masses, strict=True))
+        return one, two
+
+    return shares
+
+
 def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple[float, float, str]:
     """Return both ends' rates, SI, by one unit of force or flow, the first weighted, and that unit."""
     first, second = ends
     for own, other, share in ((first, second, 1.0), (second, first, weight)):
-        for by in dict.fromkeys((other.across, other.state)):
-            mass = known.mass(own.state, by)
-            if mass is not None:
-                return share / mass[0], share / mass[0] / weight, mass[1]
+        mass = _mass(known, own, other)
+        if mass is not None:
+            return share / mass.value, share / mass.value / weight, mass.unit
     one = factor_of(first.unit)
     return one, one / weight, rate_unit(known.simulator, first.state)

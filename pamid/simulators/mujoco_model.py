@@ -106,8 +106,8 @@ class MujocoSimulator(Simulator):
         self._hands = {_names(self._m, "body")[k]: k for k in hands(self._m)}
         own = {f"dof_armature.{j}": float(a) for j, a in zip(self._joints, self._m.dof_armature, strict=True)}
         dry = zip(self._joints, self._m.dof_frictionloss, strict=True)  # as loaded: an evaluation changes it
-        self._dry = {j: f"dof_frictionloss.{j}" for j, loss in dry if loss == 0.0}
-        own |= dict.fromkeys(self._dry.values(), 0.0)
+        self._dry = {j: (f"dof_frictionloss.{j}", float(loss)) for j, loss in dry}
+        own |= dict(self._dry.values())
         own |= {f"{kind}.{body}": 0.0 for kind in PAYLOAD for body in self._hands}
         ranked = list(self._actuators.values())
         own |= {f"{FORCE}.{n}": ForceRange(self._m, ranked.index(n))[0] for n in self._bearers(FORCE)}
@@ -159,8 +159,8 @@ class MujocoSimulator(Simulator):
         """Return for each joint its armature, and its inertia where the model begins."""
         return {j: (f"dof_armature.{j}", float(M)) for j, M in zip(self._joints, self._own_inertias, strict=True)}
 
-    def dry_joints(self) -> dict[str, str]:
-        """Return the ``frictionloss`` of each joint that has none in the model."""
+    def dry_joints(self) -> dict[str, tuple[str, float]]:
+        """Return the ``frictionloss`` of each joint."""
         return self._dry
 
     def carried(self) -> dict[str, Carried]:

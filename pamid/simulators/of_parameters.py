@@ -33,8 +33,13 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
     if survey.again > 0.0 and simulator.form != "run":  # in a single run both drifts are one; numbers of runs are fixed
         known["parameter_drift_in_runs"] = ParameterDriftInRuns
     scales = Scales(time=1.0 / (survey.again or 1.0))
+    # What a page does not state is friction of the law, not a wrong number.
+    dry = {
+        joint: name for joint, (name, own) in simulator.dry_joints().items()
+        if (simulator.get(name), simulator.parameters[name].tolerance) == (own, 0.0)
+    }  # fmt: skip
     for name, parameter in simulator.parameters.items():
-        if parameter.value == 0.0:
+        if parameter.value == 0.0 or name in dry.values():
             continue
         for effect_name, of_one in known.items():
             effect = of_one.narrowed(prior=-1.0)
@@ -46,7 +51,6 @@ def at_parameters(simulator: Simulator, survey: SignalSizes) -> list[Placement]:
             powers, units = {"inertia": 1}, {"inertia": simulator.parameters[name].unit}
             place = Scales(target=size)
             found.append(Placement(key, "added_inertia", joint, bound, "parameter", name, {}, place, powers, units))
-    dry = {joint: number for joint, number in simulator.dry_joints().items() if simulator.get(number) == 0.0}
     found += [_dry_friction(simulator, j, dry[j.name], survey) for j in survey.joints if j.name in dry]
     for name, limited in survey.limited.items():
         if simulator.get(limited.number) == 0.0 and limited.largest > 0.0:

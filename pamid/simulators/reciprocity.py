@@ -80,6 +80,21 @@ def slopes(simulator: Simulator, at: SomeInstants, by: list[int], p: np.ndarray 
     return np.asarray(change * units[:, None, None] / units[by][None, :, None])
 
 
+class Mass(NamedTuple):
+    """A parameter that is the mass, inertia or capacity of a state."""
+
+    row: int
+    """Its place among the parameters."""
+    value: float
+    """Its number in the simulator."""
+    unit: str
+    """Unit of the force or flow that it resists."""
+
+    def of(self, p: np.ndarray) -> np.ndarray:
+        """Return its number among parameters, shape (n_parameters, n)."""
+        return np.asarray(p[self.row])
+
+
 class Slopes:
     """Slopes of a simulator's rates over its states, in SI, at some instants."""
 
@@ -111,18 +126,18 @@ class Slopes:
         J = slopes(self.simulator, self.at._replace(x=x), rows)[rows]
         return J[0, 1] / J[1, 0] if np.all(J[1, 0] * J[0, 1] > 0.0) else None
 
-    def mass(self, state: str, by: str) -> tuple[float, str] | None:
-        """Return the parameter that is the mass (inertia, capacity) of a state, and the unit of the flow there."""
+    def mass(self, state: str, by: str) -> Mass | None:
+        """Return the parameter that is the mass (inertia, capacity) of a state."""
         plain = self.of(state, by)
         if plain is None:
             return None
         i, k = self.simulator.states.index(state), self.simulator.states.index(by)
-        for name, p in self.simulator.parameters.items():
+        for row, (name, p) in enumerate(self.simulator.parameters.items()):
             unit = next((u for u, powers in _MASSES.items() if unit_powers(p.unit) == powers), "")
             if not unit or not p.value > 0.0:
                 continue
             heavier = self.simulator.with_({name: 2.0 * p.value})
             half = slopes(heavier, self.at, [k])[i, 0]
             if np.mean(np.abs(2.0 * half - plain) <= SAME * np.abs(plain)) > MOSTLY:
-                return float(p.value), unit
+                return Mass(row, float(p.value), unit)
         return None

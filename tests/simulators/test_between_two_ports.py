@@ -11,9 +11,11 @@ import pytest
 
 from pamid.errors import MissingParameterError, ParameterError, UnknownOptionError
 from pamid.gap import diagnose_simulator
+from pamid.gap.settings import LEAST_GAIN
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import Between, FunctionSimulator, Port, page_text, read_simulator
 from pamid.simulators.integrate import Runner
+from pamid.simulators.structure import spread_numbers
 
 Rates = Callable[..., list[np.ndarray]]
 LIBRARY = (
@@ -203,6 +205,13 @@ def test_an_effect_between_two_ports_is_named_with_its_size(case: str) -> None:
     assert found.corrected.effects[0][:2] == (effect, where)
 
 
+def test_a_leak_has_its_size_where_the_bulk_modulus_differs() -> None:
+    """What leaks changes a pressure by the modulus that is fitted, not by the one that the simulator has."""
+    found = diagnose_simulator(cylinder_log(LEAK), CYLINDER.with_({"E": 6.2e8}), list(LIBRARY))
+    assert [(c.effects[0], c.where[0]) for c in found.causes] == [("leakage", "pa and pb")]
+    assert found.causes[0].parameters["conductance"].value == pytest.approx(LEAK, rel=0.04)
+
+
 @pytest.mark.parametrize(
     ("simulator", "log", "effect", "where"),
     [
@@ -214,6 +223,15 @@ def test_an_effect_between_two_ports_is_named_with_its_size(case: str) -> None:
 def test_friction_at_one_port_is_named_there(simulator, log, effect, where) -> None:
     found = diagnose_simulator(log(), simulator, list(LIBRARY))
     assert found.causes[0].effects[0] == effect and found.causes[0].where[0] == where
+
+
+def test_noise_pulls_nothing_along_a_change_that_leaves_all_rates_as_they_are() -> None:
+    """Masses, springs, damper and friction that are all larger by one factor give the same motion."""
+    evidence = evidence_of(strut_log(rubbing(strut=40.0)), STRUT)
+    place = evidence.placements["coulomb_friction@body and wheel"]
+    plain = {p.name: p.nominal for p in place.effect.parameters}
+    friction = plain | place.inward({"amplitude": 40.0, "transition": 2e-3})
+    assert evidence.pulled_under({place.key: friction}, np.zeros(5))[1] < LEAST_GAIN
 
 
 @pytest.mark.parametrize(
@@ -240,10 +258,14 @@ def test_masses_ratio_stiffness_and_capacities_follow_from_the_simulator() -> No
     evidence = evidence_of(log, CYLINDER)
     [leak] = evidence.links
     x = np.stack([evidence.signals()[n] for n in CYLINDER.states])
-    one, two = leak.shares(evidence.log.t, x, evidence.signals()["valve"][None], CYLINDER.numbers)
     assert leak.unit == "m^3/s"
-    assert np.allclose(one, 7e8 / (2e-4 + 2e-3 * x[0]), rtol=1e-4)
-    assert np.allclose(two, 7e8 / (2e-4 + 1.2e-3 * (0.4 - x[0])), rtol=1e-4)
+    for stiffer in (1.0, 1.2):
+        # Another mass changes nothing at the chambers; another bulk modulus does.
+        fitted = CYLINDER.with_({"E": 7e8 * stiffer, "m": 150.0 / stiffer})
+        at = evidence.log.t, x, evidence.signals()["valve"][None], spread_numbers(fitted, len(x[0]))
+        one, two = leak.shares(*at)
+        assert np.allclose(one, stiffer * 7e8 / (2e-4 + 2e-3 * x[0]), rtol=1e-4)
+        assert np.allclose(two, stiffer * 7e8 / (2e-4 + 1.2e-3 * (0.4 - x[0])), rtol=1e-4)
 
 
 @pytest.mark.parametrize("power", [1, 4])

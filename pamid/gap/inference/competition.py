@@ -390,7 +390,18 @@ class Competition(FirstOrder):
         return max(found, key=lambda name: found[name])
 
     def _refined(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:
-        """Return effects refitted from where they are."""
+        """Return effects refitted from where they are, each in the better form of its law."""
+        best = self._refined_as(spec, near, behind)
+        for name in spec:
+            for other in (k for k in self.usable if k != name and law_of(k) == law_of(name)):
+                rest = {k: v for k, v in best.fit.spec.items() if law_of(k) != law_of(name)}
+                start = {p.name: p.nominal for p in self.evidence.effects[other].parameters}
+                done = self._done.get(frozenset({*rest, other}))
+                best = max(best, done or self._refined_as({**rest, other: start}, best, behind), key=self._ranked)
+        return best
+
+    def _refined_as(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float) -> Hypothesis:
+        """Return effects refitted from where they are, in the forms that they have."""
         found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x, behind=behind))
         if (free := self._unsettled(found.fit.spec)) is not None:
             found = max(found, self.hypothesis(self.fitter.refine(free, near=found.fit.x)), key=lambda h: h.score)

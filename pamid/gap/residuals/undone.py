@@ -94,11 +94,18 @@ class UndoneEvidence(PortEvidence, ABC):
 
     @cached_property
     def pulled(self) -> tuple[float, float]:
-        """The most nats that a parameter gains from noise in modelled rates, by itself and with all others."""
-        return self.pulled_under({}, np.zeros(len(self.free)))
+        """The most nats that a parameter gains from noise in modelled rates, by itself and with all others.
+
+        It is asked without the simulator's own effects, so that a corrected simulator is judged like the given one.
+        """
+        return self._pulled({}, np.zeros(len(self.free)), [])
 
     def pulled_under(self, spec: Spec, x: np.ndarray) -> tuple[float, float]:
-        r"""Return the same under effects, whose sizes give way, too.
+        """Return the same under effects, whose sizes give way, too."""
+        return self._pulled(spec, x, self.active(spec))
+
+    def _pulled(self, spec: Spec, x: np.ndarray, active: Active) -> tuple[float, float]:
+        r"""Return the same under effects, of which some have free sizes.
 
         With slopes S of the white residuals, S' of a noisier copy and its change d, noise pulls by
         :math:`g = (S' - S)^T d` (errors in variables), and a fit gains
@@ -107,8 +114,10 @@ class UndoneEvidence(PortEvidence, ABC):
         """
         weights = np.concatenate([np.full(p.stop - p.start, w) for p, w in zip(self.parts, self.weights, strict=True)])
         copy, there = self._copies[0], dict(zip(self.free, map(float, x), strict=False))  # a free step comes last
-        numbers, active = self.numbers(there), self.active(spec)
-        plain, noisy = self._residual(active, numbers), self._residual(active, numbers, copy)
+        numbers = self.numbers(there)
+        # Noise in what an effect follows is known window by window, and pulls nothing.
+        quiet = self._motion({name: self._truth(name, self.log.channels, active) for name in self.log.channels})[1]
+        plain, noisy = self._residual(active, numbers), self._residual(active, numbers, copy, quiet)
         moved = weights * self._whitening.white((noisy - plain) / self.noise)
         steps = [(active, self.numbers({**there, k: there[k] + SMALL})) for k in self.free if k not in self.skews]
         tolerances = len(steps)
@@ -120,10 +129,9 @@ class UndoneEvidence(PortEvidence, ABC):
         pull, slopes = np.zeros(len(steps)), np.zeros((len(moved), len(steps)))
         for k, (near, at) in enumerate(steps):
             change = self._residual(near, at) - plain
-            turned = self._residual(near, at, copy) - noisy - change
+            turned = self._residual(near, at, copy, quiet) - noisy - change
             slopes[:, k] = self._whitening.white(change / self.noise) / SMALL
-            if k < tolerances:  # what a size does to its own noise is known window by window
-                pull[k] = self._whitening.white(turned / self.noise) @ moved / SMALL
+            pull[k] = self._whitening.white(turned / self.noise) @ moved / SMALL
         aside = self.J[:, [k for k, name in enumerate(self.free) if name in self.skews]]
         pull, slopes = np.append(pull, np.zeros(aside.shape[1])), np.column_stack([slopes, aside])
         information = slopes.T @ (weights[:, None] * slopes)
