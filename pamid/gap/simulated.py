@@ -227,11 +227,16 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
     """Set the correlation time of each equation's unpredictable residual; return the templates."""
     known: dict[str, list[Template]] = {}
     kinds = {name: evidence.placements[name].effect for name in library}
+    # Parameters compensate most of what an effect changes in predictions, and all but exactly where they are fitted;
+    # at the end of a tolerance they stand in for a cause.
+    x = Fitter(evidence).base().x if evidence.simulates else None
+    given = [k for k, name in enumerate(evidence.free) if name in evidence.simulator.parameters]
+    x = x if x is not None and np.all(np.abs(x + evidence.about)[given] < 1.0) else None
     simple = [n for n, e in kinds.items() if all(p.linear for p in e.parameters) or issubclass(e, FIXED)]
     try:
         for k, name in enumerate([*simple, *(name for name in library if name not in simple)]):
             say(f"sensitivity to {in_words(name)}, {k + 1} of {len(library)}")
-            known[name] = _templates(evidence, name)
+            known[name] = _templates(evidence, name, x)
             if simple and name == simple[-1]:
                 say(alone_so_far(FirstOrder(evidence, simple, None, known).alone()))
         learned = _remember(evidence, [t for name in library for t in known[name]], say)
@@ -256,11 +261,11 @@ def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[
     return learned
 
 
-def _templates(evidence: PortEvidence, name: str) -> list[Template]:
+def _templates(evidence: PortEvidence, name: str, x: np.ndarray | None) -> list[Template]:
     """Return the templates of an effect, and note which equations it changes."""
     place = evidence.placements[name]
     sizes = {p.name: abs(p.nominal or 0.1 * p.upper) for p in place.effect.parameters}
-    found = laid(evidence, name)
+    found = laid(evidence, name, x)
     evidence.touches(name, [t.columns * [sizes[n] for n in t.linear] if t.linear else t.columns for t in found])
     return found if evidence.touched([name]) else []
 

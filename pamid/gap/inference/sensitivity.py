@@ -77,8 +77,8 @@ def templates(evidence: ResidualSource, name: str) -> list[Template]:
     return laid(evidence, name) if evidence.touched([name]) else []
 
 
-def laid(evidence: ResidualSource, name: str) -> list[Template]:
-    """Return the same without first checking whether it changes anything."""
+def laid(evidence: ResidualSource, name: str, x: np.ndarray | None = None) -> list[Template]:
+    """Return the same at deviations x, by default none, without first checking whether it changes anything."""
     effect = evidence.effects[name]
     linear = [p for p in effect.parameters if p.linear]
     others = [evidence.reached(p) for p in effect.parameters if not p.linear]
@@ -91,7 +91,7 @@ def laid(evidence: ResidualSource, name: str) -> list[Template]:
         grids = _peaks(evidence, name, grids, linear)
     found = []
     for fixed in grids:
-        D = _columns(evidence, name, fixed, linear)
+        D = _columns(evidence, name, fixed, linear, x=x)
         bounds = [(p.lower, p.upper) for p in linear] or [(0.0, 2.0)]
         if np.all(np.isfinite(D)) and np.any(D):
             lower, upper = np.array(bounds, dtype=float).T
@@ -108,9 +108,10 @@ def _columns(
     linear: Sequence[Parameter],
     beside: Spec | None = None,
     roughly: bool = False,
+    x: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the change by a unit of each linear parameter of an effect, or by the effect as a whole, beside others."""
-    spec, x = dict(beside or {}), np.zeros(len(evidence.free))
+    spec, x = dict(beside or {}), np.zeros(len(evidence.free)) if x is None else x
 
     def change(values: Mapping[str, float]) -> np.ndarray:
         return evidence.glance({name: values}) if roughly else evidence.change({**spec, name: values}, spec, x)
