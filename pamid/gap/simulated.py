@@ -227,11 +227,7 @@ def learn(evidence: PortEvidence, library: Sequence[str], say: Callable[[str], N
     """Set the correlation time of each equation's unpredictable residual; return the templates."""
     known: dict[str, list[Template]] = {}
     kinds = {name: evidence.placements[name].effect for name in library}
-    # Parameters compensate most of what an effect changes in predictions, and all but exactly where they are fitted;
-    # at the end of a tolerance they stand in for a cause.
-    x = Fitter(evidence).base().x if evidence.simulates else None
-    given = [k for k, name in enumerate(evidence.free) if name in evidence.simulator.parameters]
-    x = x if x is not None and np.all(np.abs(x + evidence.about)[given] < 1.0) else None
+    x = _fitted(evidence) if evidence.simulates else None
     simple = [n for n, e in kinds.items() if all(p.linear for p in e.parameters) or issubclass(e, FIXED)]
     try:
         for k, name in enumerate([*simple, *(name for name in library if name not in simple)]):
@@ -259,6 +255,17 @@ def _remember(evidence: PortEvidence, found: Sequence[Template], say: Callable[[
         learned.append(explainable(view, mine, noise, enough=1.0 + EXCESS))
     evidence.remember([one.left for one in learned])
     return learned
+
+
+def _fitted(evidence: PortEvidence) -> np.ndarray | None:
+    """Return the deviations that fit predictions best; None with a parameter at the end of its tolerance.
+
+    Parameters compensate most of what an effect changes there, and all but exactly where they are fitted; at the end of
+    a tolerance they stand in for a cause.
+    """
+    x = Fitter(evidence).base().x
+    given = [k for k, name in enumerate(evidence.free) if name in evidence.simulator.parameters]
+    return x if np.all(np.abs(x + evidence.about)[given] < 1.0) else None
 
 
 def _templates(evidence: PortEvidence, name: str, x: np.ndarray | None) -> list[Template]:

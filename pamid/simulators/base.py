@@ -290,8 +290,8 @@ class Simulator(AnySimulator):
             lines += toml_lines({port.name: {"kind": port.kind, **own}})
         none = [name for name, _ in self.joint_inertias().values()]
         none += [name for load in self.carried().values() for name in load.numbers.values()]
-        own = dict.fromkeys([*none, *self.limits()], 0.0) | dict(self.dry_joints().values())
-        numbers = {n: p for n, p in self.parameters.items() if n not in own or (p.value, p.tolerance) != (own[n], 0.0)}
+        unsaid = dict.fromkeys([*none, *self.limits()], 0.0) | dict(self.dry_joints().values())
+        numbers = {n: p for n, p in self.parameters.items() if (p.value, p.tolerance) != (unsaid.get(n), 0.0)}
         if numbers:
             lines += ["", "[parameters]"]
             for name, p in numbers.items():

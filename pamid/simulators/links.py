@@ -321,14 +321,15 @@ def _moving(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link 
     lever = _lever(rows, one_unit / two_unit * b.ratio if b.ratio else None)
     if lever is None:
         return None
-    one, two, unit = _sized(known, (first, second), weight)
+    masses = _masses(known, first, second)
+    one, two, unit = _sized(known, first, weight, masses)
     values = [0.0, 0.0]
     for k, (x1, x2) in enumerate(((first.across, second.across), (first.state, second.state))):
         here = known.of(first.state, x2)
         if here is not None and known.of(second.state, x1) is not None:
             values[k] = float(np.median(here)) / (lever * one) * one_unit
     ratio = lever * two_unit / one_unit
-    shares = _following(known, (first, second), (one / one_unit, two / two_unit))
+    shares = _following(masses, (one / one_unit, two / two_unit))
     return Link(b.name, first, second, ratio, unit, shares, values[0], values[1])
 
 
@@ -370,9 +371,10 @@ def _storing(known: Slopes, b: Between, first: LinkEnd, second: LinkEnd) -> Link
             weight = level
         if not (np.mean((here > 0.0) & (there > 0.0)) > MOSTLY and known.constant(weight)):
             return None
-        one, two, unit = _sized(known, (first, second), float(np.median(weight)))
+        masses = _masses(known, first, second)
+        one, two, unit = _sized(known, first, float(np.median(weight)), masses)
         scaled = one / factor_of(first.unit), two / factor_of(second.unit)
-        return Link(b.name, first, second, 1.0, unit, _following(known, (first, second), scaled))
+        return Link(b.name, first, second, 1.0, unit, _following(masses, scaled))
     for piston in simulator.states:
         if piston not in (first.state, second.state) and _parts(known, piston, first.state, second.state):
             break
@@ -426,15 +428,18 @@ def _gas(known: Slopes, level: str, piston: str) -> bool:
     return bool(np.median(np.abs(there / known.J[i, k] - 1.0)) > 10.0 * SAME)
 
 
-def _mass(known: Slopes, own: LinkEnd, other: LinkEnd) -> Mass | None:
-    """Return the parameter that is the mass of an end, by what the other end does to it."""
-    found = (known.mass(own.state, by) for by in dict.fromkeys((other.across, other.state)))
-    return next((mass for mass in found if mass is not None), None)
+def _masses(known: Slopes, first: LinkEnd, second: LinkEnd) -> tuple[Mass | None, Mass | None]:
+    """Return the parameters that are the masses of two ends, by what each does to the other."""
+
+    def of(own: LinkEnd, other: LinkEnd) -> Mass | None:
+        found = (known.mass(own.state, by) for by in dict.fromkeys((other.across, other.state)))
+        return next((mass for mass in found if mass is not None), None)
+
+    return of(first, second), of(second, first)
 
 
-def _following(known: Slopes, ends: tuple[LinkEnd, LinkEnd], at_numbers: tuple[float, float]) -> Shares:
+def _following(masses: tuple[Mass | None, Mass | None], at_numbers: tuple[float, float]) -> Shares:
     """Return constant shares of two ends, as the masses of the simulator change them."""
-    masses = [_mass(known, *ends), _mass(known, *ends[::-1])]
 
     def shares(t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> tuple[Any, Any]:
         one, two = (s if m is None else s * m.value / m.of(p) for s, m in zip(at_numbers, masses, strict=True))
@@ -443,11 +448,11 @@ def _following(known: Slopes, ends: tuple[LinkEnd, LinkEnd], at_numbers: tuple[f
     return shares
 
 
-def _sized(known: Slopes, ends: tuple[LinkEnd, LinkEnd], weight: float) -> tuple[float, float, str]:
+def _sized(
+    known: Slopes, first: LinkEnd, weight: float, masses: tuple[Mass | None, Mass | None]
+) -> tuple[float, float, str]:
     """Return both ends' rates, SI, by one unit of force or flow, the first weighted, and that unit."""
-    first, second = ends
-    for own, other, share in ((first, second, 1.0), (second, first, weight)):
-        mass = _mass(known, own, other)
+    for mass, share in zip(masses, (1.0, weight), strict=True):
         if mass is not None:
             return share / mass.value, share / mass.value / weight, mass.unit
     one = factor_of(first.unit)

@@ -400,7 +400,7 @@ class Competition(FirstOrder):
                 best = max(best, done or self._refined_as({**rest, other: start}, best, behind), key=self._ranked)
         return best
 
-    def _refined_as(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float) -> Hypothesis:
+    def _refined_as(self, spec: dict[str, dict[str, float]], near: Hypothesis, behind: float = -np.inf) -> Hypothesis:
         """Return effects refitted from where they are, in the forms that they have."""
         found = self.hypothesis(self.fitter.refine(spec, steps=4, gain=1.0, near=near.fit.x, behind=behind))
         if (free := self._unsettled(found.fit.spec)) is not None:
@@ -439,7 +439,7 @@ class Competition(FirstOrder):
             spec = best.fit.spec
             start = {p.name: spec[name].get(p.name, p.nominal) for p in self.evidence.effects[twin].parameters}
             key = others | {twin}
-            near = self._refined({**{k: spec[k] for k in others}, twin: start}, best)
+            near = self._refined_as({**{k: spec[k] for k in others}, twin: start}, best)
             if not self.evidence.effects[twin].follows_path() or near.plain > best.plain - CLASS:
                 self._done[key] = replace(near, score=best.score)
         return self._in_place(best, name)
