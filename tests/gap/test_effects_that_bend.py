@@ -4,6 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.integrate import solve_ivp
 
+from pamid import diagnose
 from pamid.gap.inference.competition import Competition
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import EquationSimulator, Port
@@ -40,3 +41,5 @@ def test_an_encoder_far_from_zero_is_refitted_though_a_spring_explains_more_to_f
     assert alone["spring@q"] > 5.0 * alone["sensor_bias@q"]
     tried = [competition.templates[s.templates[0]].effect for s in screen.contenders if len(s.templates) == 1]
     assert set(tried) == {"sensor_bias@q", "spring@q"}
+    [cause] = diagnose(swinging(1.6), PENDULUM, [name.partition("@")[0] for name in some]).causes
+    assert set(cause.effects) == {"sensor_bias", "gravity"}
