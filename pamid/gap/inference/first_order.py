@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ...effects import Parameter
 from ..residuals.protocol import ResidualSource, Spec
@@ -16,9 +17,6 @@ from .sensitivity import Template, relinearised, templates
 from .so_far import in_words
 from .student_t import form_cost, scale, window_weights
 from .subsets import Subset, Subsets
-
-SIZES = np.linspace(0.25, 2.0, 8)
-"""Sizes that are tried along a parabola, relative to the one that explains most to first order."""
 
 
 class FirstOrder:
@@ -103,13 +101,17 @@ class FirstOrder:
         spec = {template.effect: template.starts(phi)[0]}
         spread, widening = evidence.spread(spec, x), evidence.widening(spec)
         price = self.fitter.linear(evidence.z0, J).loglik - nothing + about.cost[template.effect]
-        best = subset.score, 1.0
-        for size in SIZES:
-            if np.all((size * phi >= template.lower) & (size * phi <= template.upper)):
-                soft, wider = (None if v is None else 1.0 + size * (v - 1.0) for v in (spread, widening))
-                z = evidence.z0 + size * straight + size * size * (there - straight)
-                best = max(best, (self.fitter.linear(z, J, soft=soft, widening=wider).loglik - price, float(size)))
-        return replace(subset, score=best[0], x=np.append(x, best[1] * phi))
+        ends = np.where(phi > 0.0, template.upper, template.lower)[phi != 0.0] / phi[phi != 0.0]
+
+        def missed(size: float) -> float:
+            soft, wider = (None if v is None else 1.0 + size * (v - 1.0) for v in (spread, widening))
+            z = evidence.z0 + size * straight + size * size * (there - straight)
+            return price - self.fitter.linear(z, J, soft=soft, widening=wider).loglik
+
+        least = minimize_scalar(missed, bounds=(0.0, min([2.0, *ends])), method="bounded", options={"maxiter": 8})
+        if -least.fun < subset.score:
+            return subset
+        return replace(subset, score=-least.fun, x=np.append(x, least.x * phi))
 
     def _bent(self, subset: Subset) -> float:
         """Return the share of its contribution by which a set differs from its first-order model, at most 1."""
