@@ -57,6 +57,10 @@ class Judged(NamedTuple):
     """The residuals of a learner on it."""
 
 
+class LouderError(Exception):
+    """The noise has turned out to be larger, and causes have to be searched again."""
+
+
 class UnjudgedError(Exception):
     """The equations cannot judge what predictions can: the message says why."""
 
@@ -128,19 +132,21 @@ def diagnose_evidence(
             notes.append(rows_searched(searched.log.n, log.n))
 
         def heed(outcome: Outcome, verdict: Verdict) -> None:
+            doubted, best = verdict.reserved or not verdict.named, outcome.best
+            beyond = verdict.kind != "none" and np.any(best.left > 1.0 + EXCESS)
+            if doubted and beyond and searched is evidence and evidence.hear_memory(best.fit):
+                raise LouderError
             if not isinstance(searched, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
                 return
             if searched.made_in_samples:  # predictions by exact integration would drift away from it
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
-            best = outcome.best.fit
-            if verdict.named and max(searched.pulled_under(best.spec, best.x)) > LEAST_GAIN:
+            if verdict.named and max(searched.pulled_under(best.fit.spec, best.fit.x)) > LEAST_GAIN:
                 raise UnjudgedError(PULLED)
-            doubted = verdict.reserved or not verdict.named
             if outcome.unseen(searched.hides) or (doubted and any(map(searched.hides, about_as_good(outcome)))):
                 raise UnjudgedError(UNSEEN)
-            promising = outcome.best.score - outcome.base.score > searched.least_gain
+            promising = best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
                 raise UnjudgedError(BURIED)
 
@@ -159,6 +165,9 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
+        except LouderError:
+            say("again, allowing for noise that lasts")
+            return diagnose_evidence(evidence, effects, seed, say, change)
         except UnjudgedError as why:
             say("again, by predictions, in which noise hides less than in the equations")
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))

@@ -14,6 +14,7 @@ from ..settings import EXCESS, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
+from .lasting_noise import Octaves, lasting, likeliest, memories
 from .measured_inputs import (
     exceeds,
     quieter,
@@ -39,6 +40,10 @@ NEAR = 12
 MEASURED = "The noise of {} is allowed for: the residuals show that such inputs are measured, not commanded."
 ROUNDED = (
     "What the log rounds off {} counts as noise: no cause explains the residuals, which have the size that it leaves."
+)
+LASTS = (
+    "The noise of {} lasts longer than a sample, as a sensor's filter leaves it: what nothing explains has its size "
+    "over short and over long times. It counts as noise."
 )
 _LEAST = 1e-6
 
@@ -66,6 +71,8 @@ class WindowNoise(Tolerances, ABC):
     """Whether the noise of inputs counts."""
     hears_rounding = False
     """Whether what the log rounds off inputs counts."""
+    hears_memory = False
+    """Whether noise of readings lasts."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
@@ -217,6 +224,56 @@ class WindowNoise(Tolerances, ABC):
         self._correlate()
         self._lay_again()
         return True
+
+    def hear_memory(self, fitted: Fit) -> bool:
+        """Return whether a fit leaves what lasting noise of readings does in each octave of time, which then counts."""
+        if self.hears_memory or self.hears_inputs or self.hears_rounding:
+            return False
+        exact = self.simulator.inputs if self.simulator.form != "algebraic" else ()  # commands
+        log, octaves, rng = self.log, Octaves(self.parts, self.run), np.random.RandomState(3)
+        names = [n for n in log.channels if n not in exact]
+        errors = [self._lasting_errors(name, rng) for name in names]
+        changes = [[self._changed_by(name, e) for e in some] for name, some in zip(names, errors, strict=True)]
+        Q = np.linalg.qr(self.J)[0] if self.J.shape[1] else self.J
+
+        def left(drawn: np.ndarray) -> np.ndarray:
+            # A fit of parameters takes from it what it can, as it did from the residuals.
+            z = self._whitening.white((drawn / self.noise).T)
+            return octaves.powers(self.raw(z - Q @ (Q.T @ z)).T)
+
+        noises = np.array([[left(z).mean(axis=0) for z in some] for some in changes])
+        [power] = octaves.powers(self.raw(fitted.z)[None])
+        chosen = likeliest(octaves, power, noises)
+        if not any(one.memory for one in chosen):
+            return False
+        drawn = np.sum([c.size * some[c.memory] for some, c in zip(changes, chosen, strict=True)], axis=0)
+        if not octaves.within(power, left(drawn)):
+            return False
+        lasts = [(n, c.size * e[c.memory], c.memory) for n, e, c in zip(names, errors, chosen, strict=True) if c.memory]
+        long = [0.0, *memories(self.n)]
+        self._copies = [
+            {**copy, **{n: log.channels[n] + e[k] for n, e, _ in lasts}} for k, copy in enumerate(self._copies)
+        ]
+        self.notes.append(LASTS.format(" and ".join(f"{n} ({long[m]:.2g} samples)" for n, _, m in lasts)))
+        self._drawn, self.hears_memory = drawn, True
+        self._level()
+        self._correlate()
+        self._lay_again()
+        return True
+
+    def _lasting_errors(self, name: str, rng: np.random.RandomState) -> list[np.ndarray]:
+        """Return draws of a reading's noise, each of shape (n_draws, n): as estimated, and with each memory."""
+        white, shown = (
+            np.array([copy[name] for copy in self._copies]) - self.log.channels[name],
+            self.channel_noise(name),
+        )
+        return [white, *(lasting(memory, shown, self.log.spans, len(white), rng) for memory in memories(self.n))]
+
+    def _changed_by(self, name: str, errors: np.ndarray) -> np.ndarray:
+        """Return what errors of a reading change in the residuals."""
+        x = self.log.channels
+        copies = ({**x, name: x[name] + error} for error in errors)
+        return np.array([self._residual(self._own, self.simulator.numbers, copy) - self.value for copy in copies])
 
     def time_jumps(self) -> None:
         """Count as noise that jumps of inputs come at unknown instants between two rows.
