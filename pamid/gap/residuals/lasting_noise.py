@@ -104,3 +104,10 @@ def likeliest(octaves: Octaves, power: np.ndarray, noises: np.ndarray) -> list[L
         for r in range(readings):
             found = min((sized(found, r, k) for k in range(memories)), key=unlikely)
     return found if unlikely(found) < unlikely(none) - LEAST_GAIN else none
+
+
+def waves(x: np.ndarray, most: int) -> Iterator[np.ndarray]:
+    """Yield the cosine and the sine of one to so many waves over the range of a signal, each of shape (2, n)."""
+    phase = 2.0 * np.pi * (x - np.min(x)) / max(float(np.ptp(x)), 1e-300)
+    for k in range(1, most + 1):
+        yield np.stack([np.cos(k * phase), np.sin(k * phase)])

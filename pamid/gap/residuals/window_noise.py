@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -10,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..inference.student_t import RobustFit, solve
-from ..settings import EXCESS, FEWEST, LEAST_GAIN
+from ..settings import EXCESS, FALSE_ALARM, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
-from .lasting_noise import Octaves, lasting, likeliest, memories
+from .lasting_noise import Octaves, lasting, likeliest, memories, waves
 from .measured_inputs import (
     exceeds,
     quieter,
@@ -250,16 +251,38 @@ class WindowNoise(Tolerances, ABC):
         if not octaves.within(power, left(drawn)):
             return False
         lasts = [(n, c.size * e[c.memory], c.memory) for n, e, c in zip(names, errors, chosen, strict=True) if c.memory]
+        copies = [{**copy, **{n: log.channels[n] + e[k] for n, e, _ in lasts}} for k, copy in enumerate(self._copies)]
+        before, weights, z = (self._drawn, self._copies), self.weights, self.raw(fitted.z) * self.noise
+        self._hear_draws(drawn, copies)
+        if self._follows_signals(names, self._whitening.white(z / self.noise)):
+            self._hear_draws(*before)
+            self.weights = weights
+            return False
         long = [0.0, *memories(self.n)]
-        self._copies = [
-            {**copy, **{n: log.channels[n] + e[k] for n, e, _ in lasts}} for k, copy in enumerate(self._copies)
-        ]
         self.notes.append(LASTS.format(" and ".join(f"{n} ({long[m]:.2g} samples)" for n, _, m in lasts)))
-        self._drawn, self.hears_memory = drawn, True
+        self.hears_memory = True
+        return True
+
+    def _hear_draws(self, drawn: np.ndarray, copies: list[dict[str, np.ndarray]]) -> None:
+        """Take the noise of each window from other draws."""
+        self._drawn, self._copies = drawn, copies
         self._level()
         self._correlate()
         self._lay_again()
-        return True
+
+    def _follows_signals(self, names: Sequence[str], z: np.ndarray) -> bool:
+        """Return whether an error of a reading shows that goes with a signal in waves, which noise does not."""
+        signals, most = self.log.channels, int(2.0 * np.sqrt(len(z)))
+        chance = float(np.log(most * len(names) * len(signals) / FALSE_ALARM))
+        drawn = self._whitening.white((self._drawn / self.noise).T)
+        for name, signal in itertools.product(names, signals):
+            for errors in waves(signals[signal], most):
+                B = self._whitening.white((self._changed_by(name, self.channel_noise(name) * errors) / self.noise).T)
+                Q = np.linalg.qr(B)[0]
+                noise = 0.5 * float(np.mean(np.sum(np.square(Q.T @ drawn), axis=0)))  # one where it is white
+                if 0.5 * float(np.sum(np.square(Q.T @ z))) > chance * max(noise, 1.0):
+                    return True
+        return False
 
     def _lasting_errors(self, name: str, rng: np.random.RandomState) -> list[np.ndarray]:
         """Return draws of a reading's noise, each of shape (n_draws, n): as estimated, and with each memory."""
