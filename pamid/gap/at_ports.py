@@ -57,8 +57,12 @@ class Judged(NamedTuple):
     """The residuals of a learner on it."""
 
 
-class LouderError(Exception):
-    """The noise has turned out to be larger, and causes have to be searched again."""
+class OtherNoiseError(Exception):
+    """The noise has turned out to be another, and causes have to be searched again, beginning with some."""
+
+    def __init__(self, begin: Spec | None = None) -> None:
+        super().__init__("the noise is another")
+        self.begin = begin
 
 
 class UnjudgedError(Exception):
@@ -135,7 +139,10 @@ def diagnose_evidence(
             doubted, best = verdict.reserved or not verdict.named, outcome.best
             beyond = verdict.kind != "none" and np.any(best.left > 1.0 + EXCESS)
             if doubted and beyond and searched is evidence and evidence.hear_memory(best.fit):
-                raise LouderError
+                raise OtherNoiseError
+            if evidence.hears_memory and verdict.named and np.any(np.sqrt(2.0) * best.left < 1.0):
+                evidence.hear_less()  # a cause closes what was taken for noise
+                raise OtherNoiseError(best.fit.spec)
             if not isinstance(searched, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
                 return
             if searched.made_in_samples:  # predictions by exact integration would drift away from it
@@ -165,9 +172,9 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
-        except LouderError:
-            say("again, allowing for noise that lasts")
-            return diagnose_evidence(evidence, effects, seed, say, change)
+        except OtherNoiseError as other:
+            say("again, with noise that lasts" if other.begin is None else "again, without noise that lasts")
+            return diagnose_evidence(evidence, effects, seed, say, change, other.begin or begin)
         except UnjudgedError as why:
             say("again, by predictions, in which noise hides less than in the equations")
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))

@@ -56,10 +56,10 @@ def test_draws_last_and_show_what_neighbouring_samples_do() -> None:
 def test_a_memory_is_found_from_powers_in_octaves() -> None:
     rng, n = np.random.RandomState(2), 6000
     octaves = Octaves([slice(0, n)], np.repeat([0, 1], n // 2))
-    long = memories(3)
+    long = [2.0 ** (0.5 * k) for k in range(-1, 12)]
     drawn = [lasting(m, 1.0, [(0, n // 2), (n // 2, n)], 6, rng) for m in long]
-    noises = np.array([[octaves.powers(rng.standard_normal((6, n))).mean(axis=0),
-                        *(octaves.powers(x).mean(axis=0) for x in drawn)]])  # fmt: skip
+    white = octaves.powers(rng.standard_normal((6, n))).mean(axis=0)
+    noises = [np.array([white, *(octaves.powers(x).mean(axis=0) for x in drawn)])]
     [power] = octaves.powers(0.9 * lasting(MEMORY, 1.0, [(0, n // 2), (n // 2, n)], 1, rng))
     [found] = likeliest(octaves, power, noises)
     assert long[found.memory - 1] == pytest.approx(MEMORY, rel=0.2)
@@ -68,6 +68,11 @@ def test_a_memory_is_found_from_powers_in_octaves() -> None:
     assert not octaves.within(1.6 * power, found.size**2 * octaves.powers(drawn[found.memory - 1]))
     [white] = octaves.powers(rng.standard_normal((1, n)))
     assert likeliest(octaves, white, noises)[0].memory == 0
+
+
+def test_noise_is_shorter_than_the_motion_that_a_sensor_reads() -> None:
+    wave = np.sin(2.0 * np.pi * np.arange(2000) / 100.0)
+    assert max(memories(wave, [(0, 2000)])) == pytest.approx(16.0)  # a cosine has fallen to 1/e after 19 of 100 samples
 
 
 def test_noise_that_lasts_is_no_gap() -> None:

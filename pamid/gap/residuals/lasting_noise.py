@@ -15,16 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.signal import lfilter
+from scipy.signal import correlate, lfilter
 
 from ..settings import EXCESS, FEWEST, LEAST_GAIN, MATERIAL
 from .measured_inputs import white_over
-from .whitening import MOST_MEMORY
 
 
-def memories(window: int) -> list[float]:
-    """Return samples over which noise may fall to 1/e, in half octaves; more windows than are noise would be a gap."""
-    return [2.0 ** (0.5 * k) for k in range(-1, int(2.0 * np.log2(MOST_MEMORY * window)) + 1)]
+def memories(x: np.ndarray, spans: Sequence[tuple[int, int]]) -> list[float]:
+    """Return samples over which the noise of a reading may fall to 1/e, in half octaves.
+
+    A filter that lasted longer than the motion that it reads would hide it.
+    """
+    a, b = max(spans, key=lambda span: span[1] - span[0])
+    part = x[a:b] - np.mean(x[a:b])
+    alike = correlate(part, part)[b - a - 1 :]
+    longest = int(np.argmax(alike < alike[0] / np.e)) or b - a
+    return [2.0 ** (0.5 * k) for k in range(-1, int(2.0 * np.log2(longest)) + 1)]
 
 
 def lasting(
@@ -81,15 +87,16 @@ class Lasting(NamedTuple):
     """Its deviation, relative to what neighbouring samples show, which motion adds to."""
 
 
-def likeliest(octaves: Octaves, power: np.ndarray, noises: np.ndarray) -> list[Lasting]:
+def likeliest(octaves: Octaves, power: np.ndarray, noises: Sequence[np.ndarray]) -> list[Lasting]:
     """Return the noise of each reading under which powers are likeliest; without memory where that is no better.
 
-    `noises` are the powers of the noise of each reading with each memory, (n_readings, n_memories, n_octaves).
+    `noises` are the powers of the noise of each reading with each memory, the first without any, each of shape
+    (n_memories, n_octaves).
     """
-    readings, memories, _ = noises.shape
 
     def unlikely(found: Sequence[Lasting]) -> float:
-        return octaves.unlikely(power, sum(one.size**2 * noises[r, one.memory] for r, one in enumerate(found)))
+        noise = np.sum([one.size**2 * own[one.memory] for one, own in zip(found, noises, strict=True)], axis=0)
+        return octaves.unlikely(power, noise)
 
     def sized(found: Sequence[Lasting], r: int, memory: int) -> list[Lasting]:
         def there(log_size: float) -> list[Lasting]:
@@ -98,11 +105,12 @@ def likeliest(octaves: Octaves, power: np.ndarray, noises: np.ndarray) -> list[L
         least = minimize_scalar(lambda v: unlikely(there(v)), bounds=(np.log(MATERIAL), 0.0), method="bounded")
         return min(there(least.x), there(0.0), key=unlikely)
 
-    none = [Lasting(0, 1.0)] * readings
-    found = min(([Lasting(k, 1.0)] * readings for k in range(memories)), key=unlikely)
-    for _ in range(2 * readings):
-        for r in range(readings):
-            found = min((sized(found, r, k) for k in range(memories)), key=unlikely)
+    none = [Lasting(0, 1.0) for _ in noises]
+    together = ([Lasting(min(k, len(own) - 1), 1.0) for own in noises] for k in range(max(map(len, noises))))
+    found = min(together, key=unlikely)
+    for _ in range(2 * len(noises)):
+        for r, own in enumerate(noises):
+            found = min((sized(found, r, k) for k in range(len(own))), key=unlikely)
     return found if unlikely(found) < unlikely(none) - LEAST_GAIN else none
 
 

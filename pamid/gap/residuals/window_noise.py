@@ -73,7 +73,9 @@ class WindowNoise(Tolerances, ABC):
     hears_rounding = False
     """Whether what the log rounds off inputs counts."""
     hears_memory = False
-    """Whether noise of readings lasts."""
+    """Whether noise of readings was found to last."""
+    _before: tuple[np.ndarray, list[dict[str, np.ndarray]], np.ndarray, str] | None = None
+    """Draws, noisier copies and weights before that, and what was said of it; None where noise never lasted."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
@@ -228,7 +230,7 @@ class WindowNoise(Tolerances, ABC):
 
     def hear_memory(self, fitted: Fit) -> bool:
         """Return whether a fit leaves what lasting noise of readings does in each octave of time, which then counts."""
-        if self.hears_memory or self.hears_inputs or self.hears_rounding:
+        if self._before is not None or self.hears_inputs or self.hears_rounding:
             return False
         exact = self.simulator.inputs if self.simulator.form != "algebraic" else ()  # commands
         log, octaves, rng = self.log, Octaves(self.parts, self.run), np.random.RandomState(3)
@@ -242,7 +244,7 @@ class WindowNoise(Tolerances, ABC):
             z = self._whitening.white((drawn / self.noise).T)
             return octaves.powers(self.raw(z - Q @ (Q.T @ z)).T)
 
-        noises = np.array([[left(z).mean(axis=0) for z in some] for some in changes])
+        noises = [np.array([left(z).mean(axis=0) for z in some]) for some in changes]
         [power] = octaves.powers(self.raw(fitted.z)[None])
         chosen = likeliest(octaves, power, noises)
         if not any(one.memory for one in chosen):
@@ -258,10 +260,18 @@ class WindowNoise(Tolerances, ABC):
             self._hear_draws(*before)
             self.weights = weights
             return False
-        long = [0.0, *memories(self.n)]
-        self.notes.append(LASTS.format(" and ".join(f"{n} ({long[m]:.2g} samples)" for n, _, m in lasts)))
-        self.hears_memory = True
+        said = (f"{n} ({memories(log.channels[n], log.spans)[m - 1]:.2g} samples)" for n, _, m in lasts)
+        self.notes.append(LASTS.format(" and ".join(said)))
+        self.hears_memory, self._before = True, (*before, weights, self.notes[-1])
         return True
+
+    def hear_less(self) -> None:
+        """Take the noise of readings for what it was before it lasted, for good."""
+        if self.hears_memory and self._before is not None:
+            drawn, copies, weights, note = self._before
+            self._hear_draws(drawn, copies)
+            self.hears_memory, self.weights = False, weights
+            self.notes.remove(note)
 
     def _hear_draws(self, drawn: np.ndarray, copies: list[dict[str, np.ndarray]]) -> None:
         """Take the noise of each window from other draws."""
@@ -271,26 +281,33 @@ class WindowNoise(Tolerances, ABC):
         self._lay_again()
 
     def _follows_signals(self, names: Sequence[str], z: np.ndarray) -> bool:
-        """Return whether an error of a reading shows that goes with a signal in waves, which noise does not."""
+        """Return whether an error of a reading shows that goes with a signal in waves, which noise does not.
+
+        It explains more than noise of its octave would by chance, and more than the size of noise is uncertain by.
+        """
         signals, most = self.log.channels, int(2.0 * np.sqrt(len(z)))
         chance = float(np.log(most * len(names) * len(signals) / FALSE_ALARM))
         drawn = self._whitening.white((self._drawn / self.noise).T)
         for name, signal in itertools.product(names, signals):
+            found = []
             for errors in waves(signals[signal], most):
                 B = self._whitening.white((self._changed_by(name, self.channel_noise(name) * errors) / self.noise).T)
-                Q = np.linalg.qr(B)[0]
-                noise = 0.5 * float(np.mean(np.sum(np.square(Q.T @ drawn), axis=0)))  # one where it is white
-                if 0.5 * float(np.sum(np.square(Q.T @ z))) > chance * max(noise, 1.0):
-                    return True
+                Q, there = np.linalg.qr(B)[0], z[np.any(B, axis=1)]
+                power = np.sum(np.square(Q.T @ np.column_stack([z, drawn])), axis=0)
+                found.append((power[0] / 2.0, np.mean(power[1:]) / 2.0, power[0] / max(there @ there, 1e-300)))
+            power, noise, share = np.array(found).T  # the noise is one where it is white
+            if np.any((power > chance * np.maximum(smoothed(noise, 2), 1.0)) & (share > EXCESS)):
+                return True
         return False
 
     def _lasting_errors(self, name: str, rng: np.random.RandomState) -> list[np.ndarray]:
         """Return draws of a reading's noise, each of shape (n_draws, n): as estimated, and with each memory."""
-        white, shown = (
-            np.array([copy[name] for copy in self._copies]) - self.log.channels[name],
-            self.channel_noise(name),
-        )
-        return [white, *(lasting(memory, shown, self.log.spans, len(white), rng) for memory in memories(self.n))]
+        x, shown = self.log.channels[name], self.channel_noise(name)
+        white = np.array([copy[name] for copy in self._copies]) - x
+        return [
+            white,
+            *(lasting(memory, shown, self.log.spans, len(white), rng) for memory in memories(x, self.log.spans)),
+        ]
 
     def _changed_by(self, name: str, errors: np.ndarray) -> np.ndarray:
         """Return what errors of a reading change in the residuals."""
