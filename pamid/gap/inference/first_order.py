@@ -90,7 +90,7 @@ class FirstOrder:
         return close + [about.fit((t,)) for t in holding if (t,) not in known]
 
     def _curved(self, subset: Subset, nothing: float, about: Subsets) -> Subset:
-        """Return an effect at what it explains to second order, if that is more: one run shows how far it bends."""
+        """Return an effect at the size that explains most to second order: one run shows how far it bends."""
         template, m = self.templates[subset.templates[0]], self.evidence.J.shape[1]
         if not template.linear:
             return subset
@@ -109,9 +109,7 @@ class FirstOrder:
             return price - self.fitter.linear(z, J, soft=soft, widening=wider).loglik
 
         least = minimize_scalar(missed, bounds=(0.0, min([2.0, *ends])), method="bounded", options={"maxiter": 8})
-        if -least.fun < subset.score:
-            return subset
-        return replace(subset, score=-least.fun, x=np.append(x, least.x * phi))
+        return replace(subset, score=max(subset.score, -least.fun), x=np.append(x, least.x * phi))
 
     def _bent(self, subset: Subset) -> float:
         """Return the share of its contribution by which a set differs from its first-order model, at most 1."""
