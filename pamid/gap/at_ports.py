@@ -184,10 +184,11 @@ def diagnose_evidence(
 
 
 def in_question(outcome: Outcome) -> list[Spec]:
-    """Return the best set and, if it leaves a gap as large as noise, those that close it but were too dear in noise."""
+    """Return the best set and, if it leaves a gap, those no larger that close it but were too dear in noise."""
     best = outcome.best
-    closed = [h.fit.spec for h in outcome.refitted if h is not best and np.all(h.left <= 1.0 + EXCESS)]
-    return [best.fit.spec, *(closed if np.any(best.left > np.sqrt(2.0)) else [])]
+    few = [h for h in outcome.refitted if h is not best and len(h.fit.spec) <= len(best.fit.spec)]
+    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS)]
+    return [best.fit.spec, *(closed if np.any(best.left > 1.0 + EXCESS) else [])]
 
 
 def about_as_good(outcome: Outcome) -> list[Spec]:
