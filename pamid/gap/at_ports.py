@@ -184,11 +184,11 @@ def diagnose_evidence(
 
 
 def in_question(outcome: Outcome) -> list[Spec]:
-    """Return the best set and, if it leaves a gap, those no larger that close it but were too dear in noise."""
+    """Return the best set, and those no larger that close the gap and leave less, but were too dear in noise."""
     best = outcome.best
     few = [h for h in outcome.refitted if h is not best and len(h.fit.spec) <= len(best.fit.spec)]
-    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS)]
-    return [best.fit.spec, *(closed if np.any(best.left > 1.0 + EXCESS) else [])]
+    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS) and np.prod(h.left) < np.prod(best.left)]
+    return [best.fit.spec, *closed]
 
 
 def about_as_good(outcome: Outcome) -> list[Spec]:
