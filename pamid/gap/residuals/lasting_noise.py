@@ -68,6 +68,7 @@ class Octaves:
 
     def unlikely(self, power: np.ndarray, noise: np.ndarray) -> float:
         """Return the negative log-likelihood of powers under those of noise."""
+        noise = np.maximum(noise, np.finfo(float).tiny)
         return 0.5 * float(self.counts @ (np.log(noise) + power / noise))
 
     def within(self, power: np.ndarray, drawn: np.ndarray) -> bool:

@@ -235,6 +235,8 @@ class WindowNoise(Tolerances, ABC):
         exact = self.simulator.inputs if self.simulator.form != "algebraic" else ()  # commands
         log, octaves, rng = self.log, Octaves(self.parts, self.run), np.random.RandomState(3)
         names = [n for n in log.channels if n not in exact]
+        if not len(octaves.counts):
+            return False
         errors = [self._lasting_errors(name, rng) for name in names]
         changes = [[self._changed_by(name, e) for e in some] for name, some in zip(names, errors, strict=True)]
         Q = np.linalg.qr(self.J)[0] if self.J.shape[1] else self.J
