@@ -18,9 +18,10 @@ if __package__ in (None, ""):
     sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 from benchmarks._answers import compared, each, keep, kept, times_of
-from benchmarks._own import commute, named, practice, right, sensors, shorter, stepped, varied
+from benchmarks._own import coloured, commute, named, practice, right, sensors, shorter, stepped, varied
 
 SUITES = {
+    "coloured": coloured,
     "commute": commute,
     "library": shorter,
     "sensors": sensors,
@@ -30,7 +31,16 @@ SUITES = {
     "practice": practice,
     "varied": varied,
 }
-CASES = {"commute": 9, "library": 5, "sensors": 8, "right": 10, "named": 10, "practice": 6, "varied": 18}
+CASES = {
+    "coloured": 20,
+    "commute": 9,
+    "library": 5,
+    "sensors": 8,
+    "right": 10,
+    "named": 10,
+    "practice": 6,
+    "varied": 18,
+}
 """Cases of a quick run."""
 
 

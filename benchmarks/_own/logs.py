@@ -35,6 +35,8 @@ class Recording:
         Resolution of the readings as a share of their range; 0 for none.
     steps : int, default=0
         Steps of Euler's methods a sample; 0 for as many as follow the system closely.
+    memory : float, default=0.0
+        Samples over which the noise of readings falls to 1/e; 0 for white noise.
     """
 
     dt: float
@@ -45,6 +47,13 @@ class Recording:
     noise: float
     step: float
     steps: int = 0
+    memory: float = 0.0
+
+    @property
+    def noisy(self) -> str:
+        """The noise, in words."""
+        lasts = f" that lasts {self.memory:.2g} samples" if self.memory else ""
+        return f"noise x{self.noise:.2g}{lasts}"
 
 
 def planned(system: System, how: Recording, rng: np.random.Generator) -> np.ndarray:
@@ -151,7 +160,7 @@ def log_of(
         y = x[:, order.index(name)]
         y = y if read is None else read(name, y)
         spread = float(np.ptp(y)) or 1.0
-        y = y + how.noise * system.readings.get(name, 3e-3) * spread * rng.standard_normal(y.shape)
+        y = y + how.noise * system.readings.get(name, 3e-3) * spread * lasting(rng.standard_normal(y.shape), how.memory)
         if how.step:
             y = np.round(y / (how.step * spread)) * (how.step * spread)
         columns[name] = y
@@ -161,3 +170,13 @@ def log_of(
         for r in range(how.runs)
     ]
     return pd.concat(runs, ignore_index=True)
+
+
+def lasting(white: np.ndarray, memory: float) -> np.ndarray:
+    """Return noise that lasts, of unit deviation, from white noise of shape (samples, runs)."""
+    if not memory:
+        return white
+    rho, out = float(np.exp(-1.0 / memory)), white.copy()
+    for k in range(1, len(out)):
+        out[k] = rho * out[k - 1] + np.sqrt(1.0 - rho**2) * white[k]
+    return out

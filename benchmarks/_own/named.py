@@ -18,7 +18,7 @@ from benchmarks._answers import Record, short
 
 from .ask import ask, names_of
 from .logs import Recording, log_of, simulated
-from .right import DRAWS, drawn
+from .right import DRAWS, Drawn, drawn
 from .systems import SYSTEMS, System, simulator_of
 
 RATES = {"cart": "v", "pendulum": "dq", "motor": "w", "quadrotor": "vz", "arm": "w2", "hydraulic": "vel"}
@@ -116,11 +116,11 @@ def reading_of(cause: Cause, dt: float) -> Callable[[str, np.ndarray], np.ndarra
     return read
 
 
-def solve(number: int, seed: int) -> Record:
+def solve(number: int, seed: int, draw: Drawn = drawn) -> Record:
     """Return what is said of a case."""
     system = SYSTEMS[number % len(SYSTEMS)]
     rng = np.random.default_rng([seed, number, 3])
-    nominal, true, how, way = drawn(system, rng)
+    nominal, true, how, way = draw(system, rng)
     how, cause = replace(how, noise=min(how.noise, 1.0), runs=max(how.runs, 2)), drawn_cause(system, rng)
     readings = [n for k, n in enumerate(system.readings) if k == 0 or rng.random() < 0.7]
     for again in range(DRAWS):
@@ -139,7 +139,7 @@ def solve(number: int, seed: int) -> Record:
         answer = ask(log, simulator_of(system, nominal, way, Path(folder)))
     return judged(answer, system, cause, seen) | {
         "kind": system.name, "integrator": how.integrator,
-        "made": f"{way}, {how.integrator}, {how.runs} x {how.samples} rows, dt {how.dt:g} s, noise x{how.noise:.2g}, "
+        "made": f"{way}, {how.integrator}, {how.runs} x {how.samples} rows, dt {how.dt:g} s, {how.noisy}, "
                 f"reads {', '.join(readings)}, changes by {seen:.1f} times the noise",
     }  # fmt: skip
 

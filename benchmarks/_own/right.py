@@ -62,7 +62,7 @@ def solve(number: int, seed: int, systems: Sequence[System] = SYSTEMS, draw: Dra
     answer = answer_of(found)
     recorded = f"{way}, {how.integrator}, {'linear' if how.linear and system.loop is None else 'held'}"
     by = f" in {how.steps} steps" if how.steps else ""
-    made = f"{how.runs} x {how.samples} rows, dt {how.dt:g} s{by}, noise x{how.noise:.2g}, step {how.step:g}"
+    made = f"{how.runs} x {how.samples} rows, dt {how.dt:g} s{by}, {how.noisy}, step {how.step:g}"
     return answer | {
         "right": found.verdict in ("none", "untested"), "said": short(answer), "kind": system.name,
         "integrator": how.integrator, "made": f"{recorded}, {made}, reads {', '.join(readings)}",

@@ -57,6 +57,14 @@ class Judged(NamedTuple):
     """The residuals of a learner on it."""
 
 
+class OtherNoiseError(Exception):
+    """The noise has turned out to be another, and causes have to be searched again, beginning with some."""
+
+    def __init__(self, begin: Spec | None = None) -> None:
+        super().__init__("the noise is another")
+        self.begin = begin
+
+
 class UnjudgedError(Exception):
     """The equations cannot judge what predictions can: the message says why."""
 
@@ -128,19 +136,24 @@ def diagnose_evidence(
             notes.append(rows_searched(searched.log.n, log.n))
 
         def heed(outcome: Outcome, verdict: Verdict) -> None:
+            doubted, best = verdict.reserved or not verdict.named, outcome.best
+            beyond = verdict.kind != "none" and np.any(best.left > 1.0 + EXCESS)
+            if doubted and beyond and searched is evidence and evidence.hear_memory(best.fit):
+                raise OtherNoiseError
+            if evidence.hears_memory and verdict.named and np.any(np.sqrt(2.0) * best.left < 1.0):
+                evidence.hear_less()  # a cause closes what was taken for noise
+                raise OtherNoiseError(best.fit.spec)
             if not isinstance(searched, DirectEvidence) or simulator.form != "ode" or simulator.one_by_one:
                 return
             if searched.made_in_samples:  # predictions by exact integration would drift away from it
                 return
             if any(map(searched.drowns, in_question(outcome))):
                 raise UnjudgedError(DROWNED)
-            best = outcome.best.fit
-            if verdict.named and max(searched.pulled_under(best.spec, best.x)) > LEAST_GAIN:
+            if verdict.named and max(searched.pulled_under(best.fit.spec, best.fit.x)) > LEAST_GAIN:
                 raise UnjudgedError(PULLED)
-            doubted = verdict.reserved or not verdict.named
             if outcome.unseen(searched.hides) or (doubted and any(map(searched.hides, about_as_good(outcome)))):
                 raise UnjudgedError(UNSEEN)
-            promising = outcome.best.score - outcome.base.score > searched.least_gain
+            promising = best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
                 raise UnjudgedError(BURIED)
 
@@ -159,6 +172,9 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
+        except OtherNoiseError as other:
+            say("again, with noise that lasts" if other.begin is None else "again, without noise that lasts")
+            return diagnose_evidence(evidence, effects, seed, say, change, other.begin or begin)
         except UnjudgedError as why:
             say("again, by predictions, in which noise hides less than in the equations")
             predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
@@ -168,10 +184,11 @@ def diagnose_evidence(
 
 
 def in_question(outcome: Outcome) -> list[Spec]:
-    """Return the best set and, if it leaves a gap as large as noise, those that close it but were too dear in noise."""
+    """Return the best set, and those no larger that close the gap and leave less, but were too dear in noise."""
     best = outcome.best
-    closed = [h.fit.spec for h in outcome.refitted if h is not best and np.all(h.left <= 1.0 + EXCESS)]
-    return [best.fit.spec, *(closed if np.any(best.left > np.sqrt(2.0)) else [])]
+    few = [h for h in outcome.refitted if h is not best and len(h.fit.spec) <= len(best.fit.spec)]
+    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS) and np.prod(h.left) < np.prod(best.left)]
+    return [best.fit.spec, *closed]
 
 
 def about_as_good(outcome: Outcome) -> list[Spec]:

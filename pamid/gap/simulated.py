@@ -58,6 +58,7 @@ def evidence_of(
         PREDICTED_IF,
         beside_inputs,
         better_derived,
+        bridged,
         motion_is_hidden,
         sign_may_be_lost,
     )
@@ -91,6 +92,7 @@ def evidence_of(
     if in_lines(found):
         straight = DirectEvidence(at_ports, simulator, derived, refit, lines=True)
         found = straight if lines or straight.without_steps().loglik > found.without_steps().loglik else found
+    found = bridged(found)
     found.notes += [BY_POSITION.format(position=q, velocity=v) for q, v in derived.items() if v in at_ports.channels]
     if simulator.form == "ode" and sign_may_be_lost(found) and (other := predicted()).folds:
         return other

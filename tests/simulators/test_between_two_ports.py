@@ -11,6 +11,8 @@ import pytest
 
 from pamid.errors import MissingParameterError, ParameterError, UnknownOptionError
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.choice import bridged
+from pamid.gap.residuals.direct import DirectEvidence
 from pamid.gap.settings import LEAST_GAIN
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import Between, FunctionSimulator, Port, page_text, read_simulator
@@ -415,3 +417,21 @@ def test_every_effect_of_the_library_between_two_ports_finds_what_it_reads() -> 
     for name, place in between.items():
         nominal = place.outward({p.name: p.nominal for p in place.effect.parameters})
         assert np.isfinite(evidence.change({name: nominal}, {}, np.zeros(len(evidence.free)))).all(), name
+
+
+def test_noise_adds_up_between_windows_that_missing_rows_part() -> None:
+    drives = [two_sines(0.6, 0.8 + 0.3 * k, 0.3, 2.1, k) for k in range(2)]
+    noise = {"s": 2e-5, "pa": 1e4, "pb": 1e4}
+    log = logged(CYLINDER, leaking(0.0), [0.2, 0.0, 4e6, 6e6], drives, noise, 2e-3, 8.0, 1)
+
+    def windows_of_three(kept: pd.DataFrame) -> DirectEvidence:
+        found = evidence_of(kept, CYLINDER)
+        assert isinstance(found, DirectEvidence)
+        return DirectEvidence(found.log, CYLINDER, found.derived, n=3)
+
+    whole = windows_of_three(log)
+    assert max(whole.pulled) < LEAST_GAIN and bridged(whole) is whole
+    short = windows_of_three(log[np.random.default_rng(1).random(len(log)) >= 0.2].reset_index(drop=True))
+    longer = bridged(short)
+    assert max(short.pulled) > 2.0 * LEAST_GAIN > LEAST_GAIN > max(longer.pulled)
+    assert longer.n == 8 and len(longer.z0) > len(short.z0)

@@ -1,8 +1,10 @@
 """What sets of effects are worth on one log, with inexact forms and sizes that compare, exactly and to first order."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from ...effects import Parameter
 from ..residuals.protocol import ResidualSource, Spec
@@ -72,6 +74,7 @@ class FirstOrder:
         for t in np.argsort(-gains, kind="stable"):
             if gains[t] > 0.0:
                 best.setdefault(self.templates[t].effect, int(t))
+        nothing = about.fit(()).score
         found = sorted((about.fit((t,)) for t in list(best.values())[: 4 * KEPT]), key=lambda s: -s.score)
         # Along a run in which it holds nothing, what it does where it holds does not show.
         effects = self.evidence.effects
@@ -79,22 +82,49 @@ class FirstOrder:
         holding = holding[:KEPT] if self.evidence.simulates else []
         if not found:
             return []
-        gain = max(found[0].score - about.fit(()).score, 0.0)
+        gain = max(found[0].score - nothing, 0.0)
         reach = CLOSE + (CLOSE_SHARE + self._bent(found[0])) * gain
-        close = [s for s in found if s.score >= found[0].score - reach][: 2 * KEPT]
+        curved = sorted((self._curved(s, nothing, about) for s in found), key=lambda s: -s.score)
+        close = [s for s in curved if s.score >= found[0].score - reach][: 2 * KEPT]
         known = {s.templates for s in close}
         return close + [about.fit((t,)) for t in holding if (t,) not in known]
+
+    def _curved(self, subset: Subset, nothing: float, about: Subsets) -> Subset:
+        """Return an effect at the size that explains most to second order: one run shows how far it bends."""
+        template, m = self.templates[subset.templates[0]], self.evidence.J.shape[1]
+        if not template.linear:
+            return subset
+        evidence, J, x, phi = self.evidence, self.evidence.J, subset.x[:m], subset.x[m:]
+        straight, there = template.columns @ phi, self._there(subset) - J @ x
+        if np.linalg.norm(there - straight) < CLOSE_SHARE * np.linalg.norm(straight):
+            return subset
+        spec = {template.effect: template.starts(phi)[0]}
+        spread, widening = evidence.spread(spec, x), evidence.widening(spec)
+        price = self.fitter.linear(evidence.z0, J).loglik - nothing + about.cost[template.effect]
+        ends = np.where(phi > 0.0, template.upper, template.lower)[phi != 0.0] / phi[phi != 0.0]
+
+        def missed(size: float) -> float:
+            soft, wider = (None if v is None else 1.0 + size * (v - 1.0) for v in (spread, widening))
+            z = evidence.z0 + size * straight + size * size * (there - straight)
+            return price - self.fitter.linear(z, J, soft=soft, widening=wider).loglik
+
+        least = minimize_scalar(missed, bounds=(0.0, min([2.0, *ends])), method="bounded", options={"maxiter": 8})
+        return replace(subset, score=max(subset.score, -least.fun), x=np.append(x, least.x * phi))
 
     def _bent(self, subset: Subset) -> float:
         """Return the share of its contribution by which a set differs from its first-order model, at most 1."""
         evidence, m = self.evidence, self.evidence.J.shape[1]
+        straight = evidence.J @ subset.x[:m] + self.templates[subset.templates[0]].columns @ subset.x[m:]
+        apart, size = float(np.linalg.norm(self._there(subset) - straight)), float(np.linalg.norm(straight))
+        return min(1.0, apart / max(size, 1e-300))
+
+    def _there(self, subset: Subset) -> np.ndarray:
+        """Return what an effect changes at the size and deviations that it has to first order."""
+        evidence, m = self.evidence, self.evidence.J.shape[1]
         template = self.templates[subset.templates[0]]
-        straight = evidence.J @ subset.x[:m] + template.columns @ subset.x[m:]
         deviations = dict(zip(evidence.free, map(float, subset.x[:m]), strict=True))
         self.say(f"run {in_words(template.effect)}")
-        there = evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
-        apart, size = float(np.linalg.norm(there - straight)), float(np.linalg.norm(straight))
-        return min(1.0, apart / max(size, 1e-300))
+        return evidence.z({template.effect: template.starts(subset.x[m:])[0]}, deviations) - evidence.z0
 
     def _hopeless(self, about: Subsets, subset: Subset, nothing: float) -> bool:
         """Return whether a set explains too little to be a gap, between the points of its grid, too."""

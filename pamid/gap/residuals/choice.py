@@ -75,6 +75,24 @@ def noise_pulls_together(found: DirectEvidence) -> bool:
     return found.simulator.form == "ode" and found.pulled[1] > LEAST_GAIN
 
 
+def bridged(found: DirectEvidence) -> DirectEvidence:
+    """Return the shortest windows in which noise pulls no parameter, where missing rows part the given ones.
+
+    Windows bridge gaps of a quarter of their samples, and noise adds up between those that do not follow each other.
+    """
+
+    def pulls(one: DirectEvidence) -> bool:
+        return noise_pulls(one) or noise_pulls_together(one)
+
+    if not found.log.lost.any() or not pulls(found):
+        return found
+    n, most, other = 4 * (found.n // 4 + 1), most_samples(found.log), found
+    while n <= most and pulls(other):
+        other = DirectEvidence(found.log, found.given, found.derived, found.refit, found.lines, n)
+        n *= 2
+    return found if pulls(other) else other
+
+
 def better_derived(found: DirectEvidence) -> dict[str, str]:
     """Return the logged velocities, by positions, whose noise hides more of an acceleration than the position's."""
     log, better = found.log, dict[str, str]()

@@ -59,10 +59,11 @@ class DirectEvidence(MotionRates):
     how = "of the simulator's own equations in the weak form, since the log contains their states"
 
     def __init__(
-        self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False, lines: bool = False
-    ) -> None:
+        self, log: PortLog, simulator: Simulator, derived: Mapping[str, str], refit: bool = False, lines: bool = False,
+        n: int = 0,
+    ) -> None:  # fmt: skip
         super().__init__(log, simulator, refit, lines)
-        self.derived = dict(derived)
+        self.derived, self.n = dict(derived), n
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
         self._tuning: dict[str, float] = {}
         self._straight: dict[tuple[int, float], bool] = {}
@@ -140,7 +141,8 @@ class DirectEvidence(MotionRates):
         return found
 
     def _lay_windows(self) -> None:
-        log, self.n = self.log, samples([self._says(b) for b in self.balances], self.log)
+        log = self.log
+        self.n = self.n or samples([self._says(b) for b in self.balances], log)
         self._first, self._moving = list[list[np.ndarray]](), list[np.ndarray]()
         self.windows, hidden = [], log.hidden(self.n)
         resting = resting_joints(log, self.joints, {b.name for b in self.balances}, self.n)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from .port_signals import PortWindows
 from .ports import PortEvidence
 from .protocol import Active, Spec
 from .tolerances import rms
+
+if TYPE_CHECKING:
+    from ..inference.gauss_newton import Fit
 
 _ROLES = {**STATE_ROLES, "u": ROLES["u"]}
 _NOISE = (
@@ -235,6 +238,10 @@ class SignalEvidence(PortEvidence):
         return [name for name in chosen if name != "joint_damping" or "viscous_friction" not in chosen]
 
     # --- noise ------------------------------------------------------------------------------------------------
+    def hear_memory(self, fitted: Fit) -> bool:
+        """Return False: the noise is only guessed."""
+        return False
+
     def _draw_noise(self) -> None:
         """Take the larger of the noise that neighbouring residuals show and that of noisier copies of the log."""
         mean, copied, spans = np.full(self.n, 1.0 / self.n), len(self._draws) > 0, self.log.spans

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -10,10 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..inference.student_t import RobustFit, solve
-from ..settings import EXCESS, FEWEST, LEAST_GAIN
+from ..settings import EXCESS, FALSE_ALARM, FEWEST, LEAST_GAIN
 from .between_rows import timed
 from .coarse import noisy_copies
 from .jumps import NOTE, jumps, off_rows, unknown_instants
+from .lasting_noise import Octaves, lasting, likeliest, memories, waves
 from .measured_inputs import (
     exceeds,
     quieter,
@@ -39,6 +41,10 @@ NEAR = 12
 MEASURED = "The noise of {} is allowed for: the residuals show that such inputs are measured, not commanded."
 ROUNDED = (
     "What the log rounds off {} counts as noise: no cause explains the residuals, which have the size that it leaves."
+)
+LASTS = (
+    "The noise of {} lasts longer than a sample, as a sensor's filter leaves it: what nothing explains has its size "
+    "over short and over long times. It counts as noise."
 )
 _LEAST = 1e-6
 
@@ -66,6 +72,10 @@ class WindowNoise(Tolerances, ABC):
     """Whether the noise of inputs counts."""
     hears_rounding = False
     """Whether what the log rounds off inputs counts."""
+    hears_memory = False
+    """Whether noise of readings was found to last."""
+    _before: tuple[np.ndarray, list[dict[str, np.ndarray]], np.ndarray, str] | None = None
+    """Draws, noisier copies and weights before that, and what was said of it; None where noise never lasted."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
@@ -217,6 +227,95 @@ class WindowNoise(Tolerances, ABC):
         self._correlate()
         self._lay_again()
         return True
+
+    def hear_memory(self, fitted: Fit) -> bool:
+        """Return whether a fit leaves what lasting noise of readings does in each octave of time, which then counts."""
+        if self._before is not None or self.hears_inputs or self.hears_rounding:
+            return False
+        exact = self.simulator.inputs if self.simulator.form != "algebraic" else ()  # commands
+        log, octaves, rng = self.log, Octaves(self.parts, self.run), np.random.RandomState(3)
+        names = [n for n in log.channels if n not in exact]
+        if not len(octaves.counts):
+            return False
+        errors = [self._lasting_errors(name, rng) for name in names]
+        changes = [[self._changed_by(name, e) for e in some] for name, some in zip(names, errors, strict=True)]
+        Q = np.linalg.qr(self.J)[0] if self.J.shape[1] else self.J
+
+        def left(drawn: np.ndarray) -> np.ndarray:
+            # A fit of parameters takes from it what it can, as it did from the residuals.
+            z = self._whitening.white((drawn / self.noise).T)
+            return octaves.powers(self.raw(z - Q @ (Q.T @ z)).T)
+
+        noises = [np.array([left(z).mean(axis=0) for z in some]) for some in changes]
+        [power] = octaves.powers(self.raw(fitted.z)[None])
+        chosen = likeliest(octaves, power, noises)
+        if not any(one.memory for one in chosen):
+            return False
+        drawn = np.sum([c.size * some[c.memory] for some, c in zip(changes, chosen, strict=True)], axis=0)
+        if not octaves.within(power, left(drawn)):
+            return False
+        lasts = [(n, c.size * e[c.memory], c.memory) for n, e, c in zip(names, errors, chosen, strict=True) if c.memory]
+        copies = [{**copy, **{n: log.channels[n] + e[k] for n, e, _ in lasts}} for k, copy in enumerate(self._copies)]
+        before, weights, z = (self._drawn, self._copies), self.weights, self.raw(fitted.z) * self.noise
+        self._hear_draws(drawn, copies)
+        if self._follows_signals(names, self._whitening.white(z / self.noise)):
+            self._hear_draws(*before)
+            self.weights = weights
+            return False
+        said = (f"{n} ({memories(log.channels[n], log.spans)[m - 1]:.2g} samples)" for n, _, m in lasts)
+        self.notes.append(LASTS.format(" and ".join(said)))
+        self.hears_memory, self._before = True, (*before, weights, self.notes[-1])
+        return True
+
+    def hear_less(self) -> None:
+        """Take the noise of readings for what it was before it lasted, for good."""
+        if self.hears_memory and self._before is not None:
+            drawn, copies, weights, note = self._before
+            self._hear_draws(drawn, copies)
+            self.hears_memory, self.weights = False, weights
+            self.notes.remove(note)
+
+    def _hear_draws(self, drawn: np.ndarray, copies: list[dict[str, np.ndarray]]) -> None:
+        """Take the noise of each window from other draws."""
+        self._drawn, self._copies = drawn, copies
+        self._level()
+        self._correlate()
+        self._lay_again()
+
+    def _follows_signals(self, names: Sequence[str], z: np.ndarray) -> bool:
+        """Return whether an error of a reading shows that goes with a signal in waves, which noise does not.
+
+        It explains more than noise of its octave would by chance, and more than the size of noise is uncertain by.
+        """
+        signals, most = self.log.channels, int(2.0 * np.sqrt(len(z)))
+        chance = float(np.log(most * len(names) * len(signals) / FALSE_ALARM))
+        drawn = self._whitening.white((self._drawn / self.noise).T)
+        for name, signal in itertools.product(names, signals):
+            found = []
+            for errors in waves(signals[signal], most):
+                B = self._whitening.white((self._changed_by(name, self.channel_noise(name) * errors) / self.noise).T)
+                Q, there = np.linalg.qr(B)[0], z[np.any(B, axis=1)]
+                power = np.sum(np.square(Q.T @ np.column_stack([z, drawn])), axis=0)
+                found.append((power[0] / 2.0, np.mean(power[1:]) / 2.0, power[0] / max(there @ there, 1e-300)))
+            power, noise, share = np.array(found).T  # the noise is one where it is white
+            if np.any((power > chance * np.maximum(smoothed(noise, 2), 1.0)) & (share > EXCESS)):
+                return True
+        return False
+
+    def _lasting_errors(self, name: str, rng: np.random.RandomState) -> list[np.ndarray]:
+        """Return draws of a reading's noise, each of shape (n_draws, n): as estimated, and with each memory."""
+        x, shown = self.log.channels[name], self.channel_noise(name)
+        white = np.array([copy[name] for copy in self._copies]) - x
+        return [
+            white,
+            *(lasting(memory, shown, self.log.spans, len(white), rng) for memory in memories(x, self.log.spans)),
+        ]
+
+    def _changed_by(self, name: str, errors: np.ndarray) -> np.ndarray:
+        """Return what errors of a reading change in the residuals."""
+        x = self.log.channels
+        copies = ({**x, name: x[name] + error} for error in errors)
+        return np.array([self._residual(self._own, self.simulator.numbers, copy) - self.value for copy in copies])
 
     def time_jumps(self) -> None:
         """Count as noise that jumps of inputs come at unknown instants between two rows.
