@@ -244,10 +244,10 @@ class WindowNoise(Tolerances, ABC):
         def left(drawn: np.ndarray) -> np.ndarray:
             # A fit of parameters takes from it what it can, as it did from the residuals.
             z = self._whitening.white((drawn / self.noise).T)
-            return octaves.powers(self.raw(z - Q @ (Q.T @ z)).T)
+            return octaves.powers(self._whitening.raw(z - Q @ (Q.T @ z)).T)
 
         noises = [np.array([left(z).mean(axis=0) for z in some]) for some in changes]
-        [power] = octaves.powers(self.raw(fitted.z)[None])
+        [power] = octaves.powers(self._whitening.raw(fitted.z)[None])
         chosen = likeliest(octaves, power, noises)
         if not any(one.memory for one in chosen):
             return False
@@ -256,7 +256,7 @@ class WindowNoise(Tolerances, ABC):
             return False
         lasts = [(n, c.size * e[c.memory], c.memory) for n, e, c in zip(names, errors, chosen, strict=True) if c.memory]
         copies = [{**copy, **{n: log.channels[n] + e[k] for n, e, _ in lasts}} for k, copy in enumerate(self._copies)]
-        before, weights, z = (self._drawn, self._copies), self.weights, self.raw(fitted.z) * self.noise
+        before, weights, z = (self._drawn, self._copies), self.weights, self._whitening.raw(fitted.z) * self.noise
         self._hear_draws(drawn, copies)
         if self._follows_signals(names, self._whitening.white(z / self.noise)):
             self._hear_draws(*before)
