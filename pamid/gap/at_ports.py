@@ -138,7 +138,9 @@ def diagnose_evidence(
         def heed(outcome: Outcome, verdict: Verdict) -> None:
             doubted, best = verdict.reserved or not verdict.named, outcome.best
             beyond = verdict.kind != "none" and np.any(best.left > 1.0 + EXCESS)
-            if doubted and beyond and searched is evidence and evidence.hear_memory(best.fit):
+            # What a cause leaves of predictions lasts, as noise might.
+            asked = searched is evidence and not (verdict.named and evidence.simulates)
+            if doubted and beyond and asked and evidence.hear_memory(best.fit):
                 raise OtherNoiseError
             if evidence.hears_memory and verdict.named and np.any(np.sqrt(2.0) * best.left < 1.0):
                 evidence.hear_less()  # a cause closes what was taken for noise

@@ -8,7 +8,17 @@ from scipy.optimize import minimize_scalar
 
 from ...effects import Parameter
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, GRID, KEPT, MOST_CAUSES, OF_ITS_OWN, TOLERANCE
+from ..settings import (
+    CLOSE,
+    CLOSE_SHARE,
+    FORM_SMOOTH,
+    FORM_TIMES,
+    GRID,
+    KEPT,
+    MOST_CAUSES,
+    OF_ITS_OWN,
+    TOLERANCE,
+)
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, slots_of
 from .hypotheses import Hypothesis, Screen, Single, contenders, degenerate
@@ -83,14 +93,20 @@ class FirstOrder:
         if not found:
             return []
         gain = max(found[0].score - nothing, 0.0)
-        reach = CLOSE + (CLOSE_SHARE + self._bent(found[0])) * gain
-        curved = sorted((self._curved(s, nothing, about) for s in found), key=lambda s: -s.score)
-        close = [s for s in curved if s.score >= found[0].score - reach][: 2 * KEPT]
+        least = found[0].score - CLOSE - (CLOSE_SHARE + self._bent(found[0])) * gain
+        if not self.evidence.simulates:  # where each takes a run of the simulator, a refit that fails shows it, too
+            found = sorted((self._curved(s, about) for s in found), key=lambda s: -s.score)
+        close = [s for s in found if s.score >= least][: 2 * KEPT]
         known = {s.templates for s in close}
         return close + [about.fit((t,)) for t in holding if (t,) not in known]
 
-    def _curved(self, subset: Subset, nothing: float, about: Subsets) -> Subset:
-        """Return an effect at the size that explains most to second order: one run shows how far it bends."""
+    def _curved(self, subset: Subset, about: Subsets) -> Subset:
+        """Return an effect at the size that explains most to second order, if that is more."""
+        bent = self._to_second_order(subset, about)
+        return bent if bent.score > subset.score else subset
+
+    def _to_second_order(self, subset: Subset, about: Subsets) -> Subset:
+        """Return an effect at the size that explains most to second order: a run at its own shows how far it bends."""
         template, m = self.templates[subset.templates[0]], self.evidence.J.shape[1]
         if not template.linear:
             return subset
@@ -100,7 +116,7 @@ class FirstOrder:
             return subset
         spec = {template.effect: template.starts(phi)[0]}
         spread, widening = evidence.spread(spec, x), evidence.widening(spec)
-        price = self.fitter.linear(evidence.z0, J).loglik - nothing + about.cost[template.effect]
+        price = self.fitter.linear(evidence.z0, J).loglik - about.fit(()).score + about.cost[template.effect]
         ends = np.where(phi > 0.0, template.upper, template.lower)[phi != 0.0] / phi[phi != 0.0]
 
         def missed(size: float) -> float:
@@ -109,7 +125,7 @@ class FirstOrder:
             return price - self.fitter.linear(z, J, soft=soft, widening=wider).loglik
 
         least = minimize_scalar(missed, bounds=(0.0, min([2.0, *ends])), method="bounded", options={"maxiter": 8})
-        return replace(subset, score=max(subset.score, -least.fun), x=np.append(x, least.x * phi))
+        return replace(subset, score=-least.fun, x=np.append(x, least.x * phi))
 
     def _bent(self, subset: Subset) -> float:
         """Return the share of its contribution by which a set differs from its first-order model, at most 1."""
