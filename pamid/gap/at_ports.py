@@ -186,10 +186,12 @@ def diagnose_evidence(
 
 
 def in_question(outcome: Outcome) -> list[Spec]:
-    """Return the best set, and those no larger that close the gap and leave less, but were too dear in noise."""
+    """Return the best set, and those no larger that close the gap it leaves, but were too dear in noise."""
     best = outcome.best
     few = [h for h in outcome.refitted if h is not best and len(h.fit.spec) <= len(best.fit.spec)]
-    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS) and np.prod(h.left) < np.prod(best.left)]
+    # To leave less than the noise is no gain.
+    beyond = {id(h): float(np.prod(np.maximum(h.left, 1.0))) for h in (best, *few)}
+    closed = [h.fit.spec for h in few if np.all(h.left <= 1.0 + EXCESS) and beyond[id(h)] < beyond[id(best)]]
     return [best.fit.spec, *closed]
 
 
