@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -31,9 +32,9 @@ def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
         kind = SYSTEMS[k // 2 % len(SYSTEMS)].name
         number = k // 2
         if k % 2:
-            found.append((f"coloured {k:03d} {kind}, a cause", lambda n=number: named.solve(n, seed, drawn)))  # type: ignore[misc]
+            found.append((f"coloured {k:03d} {kind}, a cause", partial(named.solve, number, seed, drawn)))
         else:
-            found.append((f"coloured {k:03d} {kind}, right", lambda n=number: right.solve(n, seed, SYSTEMS, drawn)))  # type: ignore[misc]
+            found.append((f"coloured {k:03d} {kind}, right", partial(right.solve, number, seed, SYSTEMS, drawn)))
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -127,8 +128,8 @@ def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases; few of them are spread over the pairs."""
     numbers = np.linspace(0, max(len(PAIRS), cases) - 1, cases).round().astype(int)
     some = [(int(k), *PAIRS[k % len(PAIRS)]) for k in numbers]
-    return [(f"commute {k:03d} {kind} {p} {a.split('@')[0]} {b.split('@')[0]}", lambda k=k: solve(k, seed))
-            for k, kind, p, a, b in some]  # type: ignore[misc]  # fmt: skip
+    return [(f"commute {k:03d} {kind} {p} {a.split('@')[0]} {b.split('@')[0]}", partial(solve, k, seed))
+            for k, kind, p, a, b in some]  # fmt: skip
 
 
 def line(record: Record) -> str:

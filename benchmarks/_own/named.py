@@ -6,6 +6,7 @@ import tempfile
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -189,10 +190,7 @@ def judged(answer: Record, system: System, cause: Cause, seen: float) -> Record:
 
 def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases."""
-    return [
-        (f"named {k:03d} {SYSTEMS[k % len(SYSTEMS)].name}", lambda k=k: solve(k, seed))  # type: ignore[misc]
-        for k in range(cases)
-    ]
+    return [(f"named {k:03d} {SYSTEMS[k % len(SYSTEMS)].name}", partial(solve, k, seed)) for k in range(cases)]
 
 
 def line(record: Record) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -104,7 +105,7 @@ def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     there = [n for n in LOGS if (FOLDER[0] / n).is_dir()]
     for name in sorted(LOGS.keys() - set(there)):
         print(f"skipped practice {name}: not in {FOLDER[0].name}")
-    return [(f"practice {n}", lambda n=n: solve(n)) for n in there[:cases]]  # type: ignore[misc]
+    return [(f"practice {n}", partial(solve, n)) for n in there[:cases]]
 
 
 def line(record: Record) -> str:

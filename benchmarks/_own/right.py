@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -71,10 +72,7 @@ def solve(number: int, seed: int, systems: Sequence[System] = SYSTEMS, draw: Dra
 
 def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases."""
-    return [
-        (f"right {k:03d} {SYSTEMS[k % len(SYSTEMS)].name}", lambda k=k: solve(k, seed))  # type: ignore[misc]
-        for k in range(cases)
-    ]
+    return [(f"right {k:03d} {SYSTEMS[k % len(SYSTEMS)].name}", partial(solve, k, seed)) for k in range(cases)]
 
 
 def line(record: Record) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +61,7 @@ def judged(case: generator.Case, answers: dict[str, Record], further: list[str])
 def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases: singles of the check on any simulator."""
     some = [s for s in generator.specs(seed) if s.suite == "single"][:cases]
-    return [(f"sensors {s.name}", lambda s=s: solve(s)) for s in some]  # type: ignore[misc]
+    return [(f"sensors {s.name}", partial(solve, s)) for s in some]
 
 
 def line(record: Record) -> str:

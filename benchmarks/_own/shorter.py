@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -88,7 +89,7 @@ def captured(spec: generator.Spec) -> tuple[generator.Case, Any]:
 
 def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases."""
-    return [(f"library {s.name}", lambda s=s: solve(s)) for s in specs(cases, seed)]  # type: ignore[misc]
+    return [(f"library {s.name}", partial(solve, s)) for s in specs(cases, seed)]
 
 
 def line(record: Record) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -37,6 +38,6 @@ def coarse(system: System, rng: np.random.Generator) -> tuple[dict[str, float], 
 def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases."""
     return [
-        (f"stepped {k:03d} {COARSE[k % len(COARSE)].name}", lambda k=k: solve(k, seed, COARSE, coarse))  # type: ignore[misc]
+        (f"stepped {k:03d} {COARSE[k % len(COARSE)].name}", partial(solve, k, seed, COARSE, coarse))
         for k in range(cases)
     ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -42,4 +43,4 @@ def jobs(cases: int, seed: int) -> list[tuple[str, Callable[[], Record]]]:
     """Return the cases."""
     names = [name.removeprefix("practice ") for name, _ in practice.jobs(len(practice.LOGS), seed)]
     every = [(f"varied {n}, {way}", n, way) for n in names for way in WAYS]
-    return [(case, lambda n=n, way=way: solve(n, way, seed)) for case, n, way in every[:cases]]  # type: ignore[misc]
+    return [(case, partial(solve, n, way, seed)) for case, n, way in every[:cases]]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -32,26 +33,48 @@ class Instants(np.ndarray):
         raise Parting(holds)
 
 
-def by_branches(ask: Callable[[Any], None], n: int, most: int) -> int:
-    """Ask for all of n instants, or for parts of them that take the same branches; return how many parts.
+Rows = slice | np.ndarray
+
+
+def by_branches(ask: Callable[[Any], None], n: int, most: int, known: Sequence[Rows] = (slice(None),)) -> list[Rows]:
+    """Ask for all of n instants, or for parts of them that take the same branches; return the parts.
+
+    Where they are known from other numbers, only those are parted that have changed since.
 
     Raises
     ------
     ManyWaysError
         If there are more parts than `most`.
     """
-    try:
-        ask(slice(None))
-    except Parting as way:
-        waiting, parts = [np.flatnonzero(way.holds), np.flatnonzero(~way.holds)], 0
-        while waiting:
-            if parts + len(waiting) > most:
-                raise ManyWaysError from None
-            rows = waiting.pop()
-            try:
-                ask(rows)
-                parts += 1
-            except Parting as way:
-                waiting += [rows[way.holds], rows[~way.holds]]
-        return parts
-    return 1
+    waiting, parts = [*known], list[Rows]()
+    while waiting:
+        if len(parts) + len(waiting) > most:
+            raise ManyWaysError
+        rows = waiting.pop()
+        try:
+            ask(rows)
+        except Parting as way:
+            at = np.arange(n)[rows]
+            waiting += [at[way.holds], at[~way.holds]]
+        else:
+            parts.append(rows)
+    return parts
+
+
+class Branches:
+    """What is asked for many instants at once again and again, in the parts that took the same branches last time."""
+
+    def __init__(self) -> None:
+        self._n, self._parts = 0, list[Rows]()
+        self.fewest = 1
+        """Parts when they were last looked for among all instants."""
+
+    def ask(self, ask: Callable[[Any], None], n: int, most: int) -> None:
+        """Ask for all of n instants, as `by_branches` does."""
+        if n == self._n and self._parts:
+            with contextlib.suppress(ManyWaysError):  # from where too much has changed
+                self._parts = by_branches(ask, n, min(most, 2 * self.fewest), self._parts)
+                return
+        self._n, self._parts, self.fewest = n, [], n
+        self._parts = by_branches(ask, n, most)
+        self.fewest = len(self._parts)

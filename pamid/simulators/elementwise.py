@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from .branches import Instants
 from .matrices import AtEachInstant, matrices
 from .ports import Values
 
@@ -54,16 +55,23 @@ def _or_nan(plain: Callable[..., Any]) -> Callable[..., Any]:
     return of
 
 
-def _each(plain: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function of numbers that takes arrays among its arguments."""
+def _each(plain: Callable[..., Any], at_once: np.ufunc | None = None) -> Callable[..., Any]:
+    """Return a function of numbers that takes arrays among its arguments; at once where all values are finite."""
 
     @functools.wraps(plain)
     def of(*given: Any, **options: Any) -> Any:
         if options or not any(isinstance(one, np.ndarray) and one.ndim for one in given):
             return plain(*given, **options)
         many = np.broadcast_arrays(*given)
-        found = [plain(*numbers) for numbers in zip(*(one.ravel().tolist() for one in many), strict=True)]
-        return np.array(found).reshape(many[0].shape)
+        kind = Instants if any(isinstance(one, Instants) for one in given) else np.ndarray
+        if at_once is not None and len(given) == at_once.nin:
+            with np.errstate(all="ignore"):
+                found = at_once(*many)
+            if np.isfinite(found).all():
+                return found.view(kind)
+        # Of what has no value, or an endless one, math says what it is.
+        each = [plain(*numbers) for numbers in zip(*(one.ravel().tolist() for one in many), strict=True)]
+        return np.array(each).reshape(many[0].shape).view(kind)
 
     return of
 
@@ -84,9 +92,19 @@ class _Float(float, metaclass=_Numbers):
         return given[0].astype(float) if many else float(*given)
 
 
+_ALIKE = ["sqrt", "exp", "expm1", "log", "log1p", "log2", "log10", "sin", "cos", "tan", "sinh", "cosh", "tanh"]
+_INVERSE = ["sin", "cos", "tan", "sinh", "cosh", "tanh", "tan2"]
+_AT_ONCE: dict[str, np.ufunc] = {
+    **{name: getattr(np, name) for name in [*_ALIKE, "fabs", "hypot", "copysign"]},
+    **{f"a{name}": getattr(np, f"arc{name}") for name in _INVERSE},
+}
+"""Functions of math that numpy has with the same values."""
+
+
 def _of_math(made: Callable[[Callable[..., Any]], Callable[..., Any]]) -> dict[Any, Any]:
     """Return what takes the place of math and of its functions."""
-    out = {value: _each(made(value)) for value in vars(math).values() if isinstance(value, BuiltinFunctionType)}
+    every = (value for value in vars(math).values() if isinstance(value, BuiltinFunctionType))
+    out = {value: _each(made(value), _AT_ONCE.get(value.__name__)) for value in every}
     return {math: SimpleNamespace(**vars(math) | {value.__name__: each for value, each in out.items()}), **out}
 
 

@@ -26,7 +26,7 @@ from ..errors import (
     UnknownOptionError,
 )
 from .base import Simulator
-from .branches import Instants, ManyWaysError, Parting, by_branches
+from .branches import Branches, Instants, ManyWaysError, Parting, by_branches
 from .elementwise import elementwise, has_no_value
 from .ports import ModelParameter, Port, Values
 
@@ -96,7 +96,7 @@ class FunctionSimulator(Simulator):
             )
         self._fast: dict[str, bool] = {}
         self._answered: set[str] = set()
-        self._ways: dict[str, int] = {}
+        self._branches: dict[str, Branches] = {}
         self._each: dict[str, Callable[..., Any]] = {}
         """Functions that are asked at many instants in place of those that take one alone."""
         self.output_source, self.folder = "", Path()
@@ -155,7 +155,7 @@ class FunctionSimulator(Simulator):
             if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
                 fast = self._fast[what] = True
                 self._each[what] = each
-        if fast and n > _WORTH * (self._ways.get(what, 1) - 1):
+        if fast and (what not in self._branches or n > _WORTH * (self._branches[what].fewest - 1)):
             answer = self._for_all(what, names, function, t, arguments)
             if answer is not None:
                 return answer
@@ -178,9 +178,8 @@ class FunctionSimulator(Simulator):
         def asked(function: Callable[..., Any]) -> np.ndarray | None:
             filled = functools.partial(_fill, out, names, function, t, arguments)
             try:
-                self._ways[what] = by_branches(filled, n, max(n // _WORTH, 2))
+                self._branches.setdefault(what, Branches()).ask(filled, n, max(n // _WORTH, 2))
             except ManyWaysError:
-                self._ways[what] = n
                 return None
             return out
 

@@ -52,7 +52,19 @@ def test_a_lag_begins_with_each_run(evidence):
     active = evidence.active(late(evidence, LAG))
     x0 = evidence._x0 + 1.0
     read = evidence._predict(x0, active, evidence.simulator.numbers)
-    assert read[0, evidence._firsts] == pytest.approx(x0[1])
+    begins = np.isin(evidence._firsts, evidence.log.starts)
+    assert read[0, evidence._firsts[begins]] == pytest.approx(x0[1, begins])
+
+
+def test_a_lag_goes_on_from_stretch_to_stretch(evidence):
+    active = evidence.active(late(evidence, LAG))
+    assert len(evidence.stretches) > 3
+    x0 = evidence._x0.copy()
+    x0[1] += np.where(np.isin(evidence._firsts, evidence.log.starts), 0.0, 1.0)
+    read, true = (evidence._predict(x0, some, evidence.simulator.numbers)[0] for some in (active, []))
+    within = [f for f in evidence._firsts if f not in evidence.log.starts]
+    jumps, steps = (np.array([abs(x[f] - x[f - 1]) for f in within]) for x in (read, true))
+    assert np.all(steps > 0.5) and np.all(jumps < 0.3 * steps)  # V
 
 
 def test_initial_states_act_on_a_late_reading_as_it_shows_them(evidence):

@@ -151,9 +151,9 @@ class Competition(FirstOrder):
                     behind = self._far_behind(best)
                 trial = self._refitted(about, subset, self.base, behind=behind)
                 if alone and trial.plain < self.base.plain:  # it began too far away
-                    trial = max(
-                        trial, self._refitted(about, self._to_second_order(subset, about), self.base), key=self._ranked
-                    )
+                    nearer = self._to_second_order(subset, about)
+                    if nearer is not subset:
+                        trial = max(trial, self._refitted(about, nearer, self.base), key=self._ranked)
                 tried.append(names)
                 best = max(best, self._purged(trial), *self._parted(trial, best), key=self._ranked)
                 self._tell(best)

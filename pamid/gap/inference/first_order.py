@@ -8,17 +8,7 @@ from scipy.optimize import minimize_scalar
 
 from ...effects import Parameter
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import (
-    CLOSE,
-    CLOSE_SHARE,
-    FORM_SMOOTH,
-    FORM_TIMES,
-    GRID,
-    KEPT,
-    MOST_CAUSES,
-    OF_ITS_OWN,
-    TOLERANCE,
-)
+from ..settings import CLOSE, CLOSE_SHARE, FORM_SMOOTH, FORM_TIMES, GRID, KEPT, MOST_CAUSES, OF_ITS_OWN, TOLERANCE
 from .discrepancy import Discrepancy
 from .gauss_newton import Fit, Fitter, slots_of
 from .hypotheses import Hypothesis, Screen, Single, contenders, degenerate

@@ -10,8 +10,9 @@ from ..settings import LEAST_GAIN
 from .bends import MATTERS
 from .direct import DirectEvidence
 from .kinematic import both_measured
+from .segments import SHORTEST
 from .shooting import ShootingEvidence
-from .stretches import BELOW, SHORT, SHORTEST
+from .stretches import BELOW, SHORT
 from .tolerances import rms
 from .window_length import HIDDEN, most_samples, window_noise
 

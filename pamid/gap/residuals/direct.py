@@ -65,6 +65,10 @@ class DirectEvidence(MotionRates):
         super().__init__(log, simulator, refit, lines)
         self.derived, self.n = dict(derived), n
         self.pairs = pairs_of(simulator, log) if simulator.form == "ode" else {}
+        if simulator.form == "algebraic":
+            self.how = "of the simulator's outputs at the logged inputs"
+        elif derived:
+            self.how = f"{self.how}, or positions that show them"
         self._tuning: dict[str, float] = {}
         self._straight: dict[tuple[int, float], bool] = {}
         # Of two sets of parameters, and what inputs do there; what states do at one.

@@ -44,13 +44,13 @@ class Influence:
         return np.asarray(np.einsum("kjn,kn->jn", self.slopes, shift[:, self.of]))
 
     def apart(self, change: np.ndarray, times: float) -> np.ndarray:
-        """Return by how much changed initial states show in the readings, beyond so many standard errors of noise."""
+        """Return what of changed initial states shows in the readings, beyond so many standard errors of noise."""
         found = np.zeros((len(self.slopes), self.n_stretches))
         for group in self._inverses:
             A = self.slopes[:, :, group.columns].transpose(2, 0, 1, 3).reshape(group.inverse.shape)
-            seen = group.inverse @ A.transpose(0, 2, 1) @ change[:, group.stretches].T[:, :, None]
+            seen = (group.inverse @ A.transpose(0, 2, 1) @ change[:, group.stretches].T[:, :, None])[:, :, 0]
             error = np.sqrt(np.sum(np.square(group.inverse), axis=2))
-            found[:, group.stretches] = np.maximum(np.abs(seen[:, :, 0]) - times * error, 0.0).T
+            found[:, group.stretches] = (np.sign(seen) * np.maximum(np.abs(seen) - times * error, 0.0)).T
         return found
 
     @cached_property

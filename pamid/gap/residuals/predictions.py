@@ -21,8 +21,9 @@ from .influence import Influence
 from .jumps import unknown_instants
 from .protocol import Active, Spec
 from .response import Drive, Response
+from .segments import Segment
 from .states import integral
-from .stretches import FOLLOWS, Segment, StretchEvidence
+from .stretches import FOLLOWS, StretchEvidence
 from .window_noise import REPLICATES
 
 _PARTS = 10  # of a step, where a run goes with inputs in lines: the fastest states miss a twentieth of a step
@@ -108,7 +109,7 @@ class PredictedEvidence(StretchEvidence):
         """Return channels as faulty sensors read them, in place."""
         for place, made in active:
             for k in [k for k, name in enumerate(shown) if name in place.readings]:
-                rows[k] = read_between(place, made, rows[k], self.log.dt, self._firsts)
+                rows[k] = read_between(place, made, rows[k], self.log.dt, self.log.starts)
         return rows
 
     def _predict_many(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
@@ -234,10 +235,15 @@ class PredictedEvidence(StretchEvidence):
         drive = self._drive(self._own, self.simulator.numbers)
         return self._simulate(self._x0, drive.u, drive.p, drive.acting)[0]
 
+    def _states_from(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return the states along the log from initial states, without effects."""
+        numbers = self.simulator.numbers if numbers is None else numbers
+        return self._simulate(x0, self._u, np.repeat(numbers[:, None], self.log.n, axis=1), [])[0]
+
     def _arrived(self, x0: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states along the log, and where each stretch begins if it goes on from the one before it."""
         simulator, log, last = self.simulator, self.log, self._firsts[1:] - 1
-        states = self._simulate(x0, self._u, np.repeat(numbers[:, None], log.n, axis=1), [])[0]
+        states = self._states_from(x0, numbers)
         runner = Runner(simulator, log.dt, (), self.substeps, self.lines)
         p, steps = np.repeat(numbers[:, None], len(last), axis=1), np.stack([last, last + 1])
         on = runner.states(log.t[steps], states[:, last], np.moveaxis(self._u[:, steps], 0, 1), p)[-1]

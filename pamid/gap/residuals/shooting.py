@@ -37,8 +37,9 @@ from .port_signals import PortWindows
 from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
 from .response import Drive
+from .segments import SHORTEST, cut
 from .states import integral, roles_of
-from .stretches import ROUNDS, SHORTEST, StretchEvidence
+from .stretches import ROUNDS, StretchEvidence
 from .tolerances import rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
 
@@ -96,7 +97,7 @@ class ShootingEvidence(PredictedEvidence):
     def _slow_down(self) -> None:
         """Take steps so short that no fast state runs away before its initial value is fitted; `_look` refines them."""
         if self.simulator.form == "ode" and self.simulator.states:
-            self.stretches = self._cut(max(b - a for a, b in self.log.spans))
+            self.stretches = cut(self.log.spans, max(b - a for a, b in self.log.spans))
             self.substeps = self._enough(self._starts(), SHORTEST, {}, share=1.0)
 
     def _enough(self, x0: np.ndarray, most: int, needed: Mapping[str, float], share: float) -> int:

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 
@@ -16,6 +14,8 @@ from ..inference.student_t import bounded
 from ..settings import TOLERANCE
 from .influence import Influence, beside, forgotten
 from .ports import PortEvidence
+from .recalled import Recalled, recalled
+from .segments import SHORTEST, Segment, cut
 from .states import pairs_of, probe
 from .tolerances import LAYINGS, differ, rms
 
@@ -34,8 +34,6 @@ FIRST_PARTS = 1 / 16, 1 / 8, 1 / 4, 1 / 2
 SHORT = 60
 """Samples of a stretch where all states are read, and predictions serve to keep their noise out: a drive's windows are
 a fifth of that, and many stretches are simulated side by side."""
-SHORTEST = 24
-"""Least samples of a stretch."""
 BELOW = 6.0
 """Standard deviations of the noise below zero that a reading without a sign may be."""
 LOST = 1.0, 0.5
@@ -43,22 +41,6 @@ LOST = 1.0, 0.5
 FORGETS, AT_ONCE = (500, 2000, 8000), 8
 """Lengths over which it is asked whether a simulator forgets where it began, and how many such stretches make it worth
 while."""
-
-
-class Segment(NamedTuple):
-    """A piece of a run."""
-
-    first: int
-    stop: int
-    """Its rows."""
-
-    @property
-    def halves(self) -> list[Segment]:
-        """Both halves; the whole where they would be too short."""
-        if self.stop - self.first < 2 * SHORTEST:
-            return [self]
-        middle = (self.first + self.stop) // 2
-        return [Segment(self.first, middle), Segment(middle, self.stop)]
 
 
 class StretchEvidence(PortEvidence):
@@ -82,6 +64,7 @@ class StretchEvidence(PortEvidence):
         self.stretches: list[Segment] = []
         self.folds = {}
         self._along_loops: np.ndarray | None = None
+        self._recalled = Recalled.nothing(log.n)
         self._x0 = np.zeros((len(simulator.states), 0))
         self._moved: dict[tuple[str, ...], np.ndarray] = {}
         self._round: dict[str, float] = {}
@@ -117,6 +100,10 @@ class StretchEvidence(PortEvidence):
         """Return the predicted channels for several initial states and numbers, shape (n_copies, n_shown, n)."""
 
     @abstractmethod
+    def _states_from(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return the states along the log from initial states, without effects."""
+
+    @abstractmethod
     def _arrived(self, x0: np.ndarray, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the states along the log, and where each stretch begins if it goes on from the one before it."""
 
@@ -127,16 +114,17 @@ class StretchEvidence(PortEvidence):
             return
         longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
-        length, rising = longest, False
+        length, rising, fits = longest, False, 2 if self.free and self.refit else 0
         while True:
-            self.stretches = self._cut(length)
+            self.stretches = cut(self.log.spans, length)
             x0 = self._starts()
             error = self._error(x0)
             if not self._runs_away(error):
                 x0 = self._fitted_starts()
                 error = self._error(x0)
             missed = self._off(x0, error)
-            if FOLLOWS <= missed < ASTRAY and length == longest and self.free and self.refit:
+            if FOLLOWS <= missed < ASTRAY and fits and not rising:
+                fits -= 1
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
                     self._begin_from(x)
@@ -144,7 +132,7 @@ class StretchEvidence(PortEvidence):
             if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
                 missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
-            if best is None or follows or (not rising and missed < 0.7 * best[0]):
+            if best is None or follows or (missed < 0.7 * best[0] if not rising else self._hidden_by(best, error)):
                 best = missed, self.stretches, x0
             if self.simulator.form == "run" or self.whole or (follows if length == longest else rising and not follows):
                 break
@@ -155,12 +143,32 @@ class StretchEvidence(PortEvidence):
                 continue
             if length // 2 < SHORTEST:
                 break
+            if length == longest:
+                self._recall()
             # Predictions that diverge at once are not retried over ever shorter stretches.
             length = min(length // 2, max(SHORTEST, GOES * self._followed(error)))
         _, self.stretches, self._x0 = best
         self._part()
         self.laid = self._x0
         self._tell_how()
+
+    def _hidden_by(self, shorter: tuple[float, list[Segment], np.ndarray], error: np.ndarray) -> bool:
+        """Return whether the starts of shorter stretches take up a gap that shows in the readings of these."""
+        if not max(self._missed(error), self._missed(error[:, self._firsts])) < FOLLOWS:
+            return False
+        longer, (_, self.stretches, x0) = self.stretches, shorter
+        left = rms(self._error(x0))
+        hidden = left < 2.0 and self._torn(x0, self.simulator.numbers, left) > 0.0
+        self.stretches = longer
+        return hidden
+
+    def _recall(self) -> None:
+        """Take from whole runs what they tell of hidden states."""
+        shown = {*self.shown, *self._moves}
+        hidden = [k for k, s in enumerate(self.simulator.states) if s not in shown]
+        kept, self.stretches = self.stretches, cut(self.log.spans, self.log.n)
+        self._recalled = recalled(self._states_from, self._starts(), hidden, self.log.spans)
+        self.stretches = kept
 
     def _tell_how(self) -> None:
         lengths = [s.stop - s.first for s in self.stretches]
@@ -197,6 +205,7 @@ class StretchEvidence(PortEvidence):
     def _lay_like(self, other: StretchEvidence) -> None:
         """Take the stretches of other evidence or their halves, and its parameters if it is of the same simulator."""
         self.folds, self.curved, self.stretches = other.folds, other.curved, other.stretches
+        self._recalled = other._recalled
         if other.given is self.given:
             self.simulator, self.about = other.simulator, other.about[: len(self.about)]
         self.laid = other.laid
@@ -210,14 +219,6 @@ class StretchEvidence(PortEvidence):
             self._moved = {kind: other._x0 + moved - self._x0 for kind, moved in other._moved.items()}
         self._tell_how()
 
-    def _cut(self, length: int) -> list[Segment]:
-        found = []
-        for a, b in self.log.spans:
-            count = max(1, round((b - a) / length))
-            edges = np.linspace(a, b, count + 1).astype(int)
-            found += [Segment(int(x), int(y)) for x, y in pairwise(edges)]
-        return found
-
     def _needed(self) -> int:
         """Return the longest useful stretch: the longest run, or less where its initial state is forgotten."""
         longest = max(b - a for a, b in self.log.spans)
@@ -228,7 +229,7 @@ class StretchEvidence(PortEvidence):
         for length in FORGETS:
             if length * AT_ONCE > longest:
                 break
-            self.stretches = self._cut(length)
+            self.stretches = cut(self.log.spans, length)
             if all(map(forgotten, np.split(self._slopes(self._starts()), self._firsts[1:], axis=-1))):
                 return max(s.stop - s.first for s in self.stretches)
         return longest
@@ -241,7 +242,7 @@ class StretchEvidence(PortEvidence):
                 x0[k] = self.log.channels[state][self._firsts]
             elif state in self._moves:
                 x0[k] = [self._speed(self._moves[state], s, x0[k, j]) for j, s in enumerate(self.stretches)]
-        return self._closed(x0)
+        return self._closed(self._recalled.begun(x0, self._firsts))
 
     def _closed(self, x0: np.ndarray) -> np.ndarray:
         """Return first guesses with all loops closed, joints that the log lacks led on from the model's start."""
@@ -303,11 +304,13 @@ class StretchEvidence(PortEvidence):
 
         error = self._error(x0)[:, rows]
         for _ in range(ROUNDS if len(x0) else 0):
-            shift = Influence(self._slopes(x0)[..., rows], of, len(self.stretches)).explained(error)
+            as_off = rms(error[: len(self.shown)])
+            error = self._missing(x0, as_off)[:, rows]
+            shift = Influence(self._leading(x0, as_off)[..., rows], of, len(self.stretches)).explained(error)
             before = power(error)
             for size in (1.0,) if share == 1.0 else (1.0, 0.25, 0.0625):
                 trial = x0 + size * shift
-                found = self._error(trial)[:, rows]
+                found = self._missing(trial, as_off)[:, rows]
                 better = power(found) < before
                 if better.any():
                     break
@@ -316,7 +319,7 @@ class StretchEvidence(PortEvidence):
             x0, error = np.where(better, trial, x0), np.where(better[of], found, error)
             if np.sum(before) - np.sum(power(error)) < len(x0):  # as noise alone makes of as many initial states
                 break
-        return x0, error
+        return x0, error[: len(self.shown)]
 
     def _without_sign(self) -> tuple[float, np.ndarray] | None:
         """Return prediction errors of a reading taken as a magnitude, and initial states; None if not smaller."""
@@ -350,7 +353,10 @@ class StretchEvidence(PortEvidence):
         x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
         for _ in range(LAYINGS):
-            slopes, columns = self._slopes(x, self._numbers_at(d)), self._slopes_of_numbers(x, d)
+            as_off, numbers = rms(error[: len(self.shown)]), self._numbers_at(d)
+            error, slopes = self._missing(x, as_off, numbers), self._leading(x, as_off, numbers)
+            columns = self._slopes_of_numbers(x, d)
+            columns = np.pad(columns, ((0, 0), (0, len(error) - columns.shape[1]), (0, 0)))
             parts = [slice(s.first, s.stop) for s in self.stretches]
             flat = [(slopes[..., p], columns[..., p].reshape(len(d), -1), error[:, p].reshape(1, -1)) for p in parts]
             A = np.concatenate([beside(own, c) for own, c, _ in flat], axis=1)
@@ -365,7 +371,7 @@ class StretchEvidence(PortEvidence):
                 H = (A / size[:, None]) @ (A / size[:, None]).T + np.diag(damping + prior / size**2)
                 trial = d + bounded(H, (A @ left - prior * d) / size, (-1.0 - d) * size, (1.0 - d) * size) / size
                 start = x + begun.explained(error - np.tensordot(trial - d, columns, axes=1))
-                found = self._error(start, self._numbers_at(trial))
+                found = self._missing(start, as_off, self._numbers_at(trial))
                 after = float(np.sum(np.square(found)))
                 if after < before:
                     break
@@ -377,7 +383,7 @@ class StretchEvidence(PortEvidence):
             damping *= 0.1
             if 1.0 - after / before < 0.01:
                 break
-        return self._off(x, error, self._numbers_at(d)), d, x
+        return self._off(x, error[: len(self.shown)], self._numbers_at(d)), d, x
 
     def _numbers_at(self, x: np.ndarray) -> np.ndarray:
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
@@ -416,23 +422,37 @@ class StretchEvidence(PortEvidence):
         missed = self._missed(error)
         if self.simulator.form != "ode" or not len(x0) or not missed < FOLLOWS:
             return missed
-        torn = self._torn(x0, self.simulator.numbers if numbers is None else numbers)
+        torn = self._torn(x0, self.simulator.numbers if numbers is None else numbers, rms(error))
         return max(missed, self._missed(error[:, self._firsts]), torn)
 
-    def _torn(self, x0: np.ndarray, numbers: np.ndarray) -> float:
-        """Return how far stretches begin from where the one before arrives, beyond what noise leaves open."""
+    def _torn(self, x0: np.ndarray, numbers: np.ndarray, as_off: float) -> float:
+        """Return how far stretches lead from where they would, did they go on from the one before, beyond noise."""
         on = np.diff(self.log.run[self._firsts]) == 0
         if not on.any():
             return 0.0
         states, arrived = self._arrived(x0, numbers)
         sizes = np.minimum(np.std(states, axis=1), [self._full_turn(n) for n in self.simulator.states])
-        apart = Influence(self._slopes(x0, numbers), self._of, len(self.stretches)).apart(arrived - x0, APART)
-        pairs = zip(apart[:, 1:][:, on], sizes, strict=True)
-        return max((rms(row) / size for row, size in pairs if size > 0.0), default=0.0)
+        influence = Influence(self._leading(x0, as_off, numbers), self._of, len(self.stretches))
+        # What is soon forgotten leads most of a stretch nowhere.
+        led = self._states_from(x0 + influence.apart(arrived - x0, APART), numbers) - states
+        pairs = zip(led[:, np.append(False, on)[self._of]], sizes, strict=True)
+        return max((float(np.median(np.abs(row))) / size for row, size in pairs if size > 0.0), default=0.0)
 
     def _error(self, x0: np.ndarray, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return prediction errors, in units of each channel's noise, shape (n_shown, n)."""
         return np.asarray(self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0])
+
+    def _missing(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return the same, and how far initial states are from what is recalled of them.
+
+        That counts as much as the errors, which a gap makes so many times as large as the noise.
+        """
+        return np.vstack([self._error(x0, numbers), max(as_off, 1.0) * self._recalled.error(x0, self._firsts)])
+
+    def _leading(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
+        """Return the sensitivities of both to initial states."""
+        known = max(as_off, 1.0) * self._recalled.slopes(len(x0), self._firsts)
+        return np.concatenate([self._slopes(x0, numbers), known], axis=1)
 
     def _errors(self, starts: Sequence[np.ndarray], numbers: Sequence[np.ndarray]) -> np.ndarray:
         """Return the same for several initial states and numbers, which are simulated together."""

@@ -72,10 +72,8 @@ class WindowNoise(Tolerances, ABC):
     """Whether the noise of inputs counts."""
     hears_rounding = False
     """Whether what the log rounds off inputs counts."""
-    hears_memory = False
-    """Whether noise of readings was found to last."""
     _before: tuple[np.ndarray, list[dict[str, np.ndarray]], np.ndarray, str] | None = None
-    """Draws, noisier copies and weights before that, and what was said of it; None where noise never lasted."""
+    """Draws, noisier copies and weights before noise of readings lasted, and the note on it; None if it never did."""
     by_inputs = 0.0
     """Size of that noise in the residuals if it counted, in units of the noise of readings."""
     beyond_inputs = False
@@ -223,10 +221,13 @@ class WindowNoise(Tolerances, ABC):
         louder = self._u + np.sum([noise[k][(count - 1) % different] for k in which], axis=0)
         self._copies[-1] = {**self._copies[-1], **dict(zip(self.simulator.inputs, louder, strict=True))}
         self.notes.append(note.format(" and ".join(each[k][0] for k in which)))
-        self._level()
-        self._correlate()
-        self._lay_again()
+        self._renew()
         return True
+
+    @property
+    def hears_memory(self) -> bool:
+        """Whether noise of readings was found to last, and is still taken for that."""
+        return self._before is not None and self._before[-1] in self.notes
 
     def hear_memory(self, fitted: Fit) -> bool:
         """Return whether a fit leaves what lasting noise of readings does in each octave of time, which then counts."""
@@ -264,7 +265,7 @@ class WindowNoise(Tolerances, ABC):
             return False
         said = (f"{n} ({memories(log.channels[n], log.spans)[m - 1]:.2g} samples)" for n, _, m in lasts)
         self.notes.append(LASTS.format(" and ".join(said)))
-        self.hears_memory, self._before = True, (*before, weights, self.notes[-1])
+        self._before = (*before, weights, self.notes[-1])
         return True
 
     def hear_less(self) -> None:
@@ -272,15 +273,13 @@ class WindowNoise(Tolerances, ABC):
         if self.hears_memory and self._before is not None:
             drawn, copies, weights, note = self._before
             self._hear_draws(drawn, copies)
-            self.hears_memory, self.weights = False, weights
+            self.weights = weights
             self.notes.remove(note)
 
     def _hear_draws(self, drawn: np.ndarray, copies: list[dict[str, np.ndarray]]) -> None:
         """Take the noise of each window from other draws."""
         self._drawn, self._copies = drawn, copies
-        self._level()
-        self._correlate()
-        self._lay_again()
+        self._renew()
 
     def _follows_signals(self, names: Sequence[str], z: np.ndarray) -> bool:
         """Return whether an error of a reading shows that goes with a signal in waves, which noise does not.
@@ -291,14 +290,14 @@ class WindowNoise(Tolerances, ABC):
         chance = float(np.log(most * len(names) * len(signals) / FALSE_ALARM))
         drawn = self._whitening.white((self._drawn / self.noise).T)
         for name, signal in itertools.product(names, signals):
-            found = []
+            found, noise = [], self.channel_noise(name)
             for errors in waves(signals[signal], most):
-                B = self._whitening.white((self._changed_by(name, self.channel_noise(name) * errors) / self.noise).T)
+                B = self._whitening.white((self._changed_by(name, noise * errors) / self.noise).T)
                 Q, there = np.linalg.qr(B)[0], z[np.any(B, axis=1)]
                 power = np.sum(np.square(Q.T @ np.column_stack([z, drawn])), axis=0)
                 found.append((power[0] / 2.0, np.mean(power[1:]) / 2.0, power[0] / max(there @ there, 1e-300)))
-            power, noise, share = np.array(found).T  # the noise is one where it is white
-            if np.any((power > chance * np.maximum(smoothed(noise, 2), 1.0)) & (share > EXCESS)):
+            power, chances, share = np.array(found).T  # by chance as much as one where noise is white
+            if np.any((power > chance * np.maximum(smoothed(chances, 2), 1.0)) & (share > EXCESS)):
                 return True
         return False
 
@@ -351,9 +350,13 @@ class WindowNoise(Tolerances, ABC):
         """Count as noise what is not known of the motion between rows."""
         if unresolved is not self._unresolved:
             self._unresolved, self.noise = unresolved, np.empty(len(self.value))
-            self._level()
-            self._correlate()
-            self._lay_again()
+            self._renew()
+
+    def _renew(self) -> None:
+        """Estimate the noise of each window and what goes with it from draws that have changed."""
+        self._level()
+        self._correlate()
+        self._lay_again()
 
     def _lay_again(self) -> None:
         """Compute white residuals and slopes with noise that has changed."""
