@@ -123,7 +123,7 @@ class StretchEvidence(PortEvidence):
                 x0 = self._fitted_starts()
                 error = self._error(x0)
             missed = self._off(x0, error)
-            if FOLLOWS <= missed < ASTRAY and fits and not rising:
+            if FOLLOWS <= missed < ASTRAY and fits and not rising:  # at the longest two that come near
                 fits -= 1
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
@@ -445,7 +445,7 @@ class StretchEvidence(PortEvidence):
     def _missing(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return the same, and how far initial states are from what is recalled of them.
 
-        That counts as much as the errors, which a gap makes so many times as large as the noise.
+        Errors that a gap makes `as_off` times as large as the noise must not outweigh that.
         """
         return np.vstack([self._error(x0, numbers), max(as_off, 1.0) * self._recalled.error(x0, self._firsts)])
 
