@@ -114,7 +114,7 @@ class StretchEvidence(PortEvidence):
             return
         longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
-        length, rising, fits = longest, False, 2 if self.free and self.refit else 0
+        length, rising, fits = longest, False, bool(self.free) and self.refit
         while True:
             self.stretches = cut(self.log.spans, length)
             x0 = self._starts()
@@ -123,12 +123,13 @@ class StretchEvidence(PortEvidence):
                 x0 = self._fitted_starts()
                 error = self._error(x0)
             missed = self._off(x0, error)
-            if FOLLOWS <= missed < ASTRAY and fits and not rising:  # at the longest two that come near
-                fits -= 1
+            if FOLLOWS <= missed < ASTRAY and fits and not rising:
+                fits = False  # at the longest that comes near: over shorter ones tolerances, too, take up a gap
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
                     self._begin_from(x)
-                    missed, x0 = there, others
+                    x0 = others
+                missed = min(missed, there)
             if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
                 missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
