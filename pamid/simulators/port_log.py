@@ -137,6 +137,13 @@ def port_log(log: pd.DataFrame, simulator: Simulator) -> PortLog:
     shown = ("output",) if simulator.form == "run" else ("output", "state")
     if not any(p.kind in shown for p in there):
         unread = [p.source for p in signals if p.kind in shown]
+        if not unread:
+            raise MissingColumnError(
+                f"The simulator has no port for what it returns, of kind {' or '.join(shown)}; the log has {has}.",
+                "an output port for each row that a run function returns; its state ports are where runs begin"
+                if simulator.form == "run" else "a state or an output that the log has",
+                'Add one to [ports]: NAME = { kind = "output", unit = UNIT, column = COLUMN }.',
+            )  # fmt: skip
         raise MissingColumnError(
             f"The log holds no {' and no '.join(reversed(shown))} of the simulator; it has {has}."
             f"{meant(unread, columns, signals)}",

@@ -64,3 +64,9 @@ def test_a_log_that_holds_only_where_runs_begin_is_refused():
         pamid.diagnose(
             log().rename(columns={"y": "h"}), FunctionSimulator(lambda u, p, x0: [u.u], ports, {}, form="run")
         )
+
+
+def test_a_run_function_without_output_ports_is_told_so():
+    ports = [Port("u", "input", "V"), Port("y", "state", "V", start=0.0)]
+    with pytest.raises(MissingColumnError, match=r"no port for what it returns.*output port for each row"):
+        pamid.diagnose(log(), FunctionSimulator(lambda u, p, x0: [u.u], ports, {}, form="run"))

@@ -114,7 +114,7 @@ class StretchEvidence(PortEvidence):
             return
         longest = self._needed()
         best: tuple[float, list[Segment], np.ndarray] | None = None
-        length, rising, fits = longest, False, 2 if self.free and self.refit else 0
+        length, rising, fits = longest, False, bool(self.free) and self.refit
         while True:
             self.stretches = cut(self.log.spans, length)
             x0 = self._starts()
@@ -124,11 +124,12 @@ class StretchEvidence(PortEvidence):
                 error = self._error(x0)
             missed = self._off(x0, error)
             if FOLLOWS <= missed < ASTRAY and fits and not rising:
-                fits -= 1
+                fits = False  # at the longest that comes near: over shorter ones tolerances, too, take up a gap
                 there, x, others = self._refitted(x0)
                 if there < FOLLOWS:
                     self._begin_from(x)
-                    missed, x0 = there, others
+                    x0 = others
+                missed = min(missed, there)
             if FOLLOWS <= missed < ASTRAY and length == longest and not self.whole:
                 missed, x0 = self._without_sign() or (missed, x0)
             follows = missed < FOLLOWS
@@ -445,7 +446,7 @@ class StretchEvidence(PortEvidence):
     def _missing(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return the same, and how far initial states are from what is recalled of them.
 
-        That counts as much as the errors, which a gap makes so many times as large as the noise.
+        Errors that a gap makes `as_off` times as large as the noise must not outweigh that.
         """
         return np.vstack([self._error(x0, numbers), max(as_off, 1.0) * self._recalled.error(x0, self._firsts)])
 
