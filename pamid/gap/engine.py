@@ -109,16 +109,19 @@ def explain(
                 raise RunsDifferError(border)
         outcome = competition.refit(screen)
 
-        again = unless_stopped(
-            lambda: with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say))),
-            stop,
-        )
+        again = None
+        if not competition.interrupted:  # who interrupts a search waits for no other
+            again = unless_stopped(
+                lambda: with_steps(competition, outcome, lambda c: c.refit(screened(c, False, say))),
+                stop,
+            )
         if again is not None:
             competition, outcome = again
             evidence = competition.evidence if searched in (None, evidence) else evidence.stepped() or evidence
-        if run is not None:
+        if run is not None and not competition.interrupted:
             outcome = unless_stopped(lambda: by_running(competition, outcome, run), so_far)
         # Whoever waits no longer in these last steps still wants what was found: they are done once more, in short.
         verdict = twice(lambda _: decide(competition, outcome, random_state))
-        unless_stopped(lambda: heed(outcome, verdict), lambda: None)
+        if not competition.interrupted:
+            unless_stopped(lambda: heed(outcome, verdict), lambda: None)
         return twice(lambda short: answer(evidence, competition, verdict, notes, random_state, say, short))

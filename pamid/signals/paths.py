@@ -33,6 +33,8 @@ def play(x: np.ndarray, width: float, starts: Sequence[int] | np.ndarray = (0,))
 
 _DITHER = 3.0
 """Reversals smaller than this many standard deviations of the noise are ignored."""
+_ASIDE = 4.0
+"""Standard deviations of the noise that a reading lies beside a smooth path by chance in one of 16,000 rows."""
 
 
 def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, width: int) -> np.ndarray:
@@ -45,7 +47,10 @@ def steady_path(position: np.ndarray, starts: np.ndarray, sigma: ArrayLike, widt
         x, left = out[a:b], float(noise)
         odd = min(2 * (width // 2) + 1, (b - a) - (b - a + 1) % 2)
         if odd >= 5 and left > 0.0:
-            x, left = savgol_filter(x, odd, 2), left * float(np.sqrt(2.25 / odd))
+            smooth = savgol_filter(x, odd, 2)
+            # Where a motion jumps, no parabola follows it: that would turn before the motion does.
+            x = np.where(np.abs(smooth - x) > _ASIDE * left, x, smooth)
+            left *= float(np.sqrt(2.25 / odd))
         if left > 0.0 and len(reversals(x)) > max(8, 0.02 * len(x)):
             # Forwards a play turns late, backwards in time as much too early.
             x = 0.5 * (play(np.array(x), _DITHER * left) + play(x[::-1].copy(), _DITHER * left)[::-1])

@@ -122,6 +122,14 @@ def test_an_answer_is_written_down_where_somebody_interrupts_that(
     assert named(found) == [("viscous_friction", "x")] and found.closure and found.corrected is not None
 
 
+def test_who_interrupts_a_search_waits_for_no_other(log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = list[str]()
+    for step in ("with_steps", "by_running"):
+        monkeypatch.setattr(engine, step, lambda *_, step=step: asked.append(step))
+    found = diagnose_simulator(log, RAILS, LIBRARY, progress=stopping("refit with"))
+    assert found.interrupted and not asked
+
+
 def test_who_ends_the_process_wants_no_answer(log: pd.DataFrame) -> None:
     class Ended(KeyboardInterrupt):
         pass

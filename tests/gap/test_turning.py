@@ -9,6 +9,7 @@ import pytest
 from pamid.gap import diagnose_simulator
 from pamid.gap.residuals.between_rows import PIECES
 from pamid.gap.residuals.turning import CutSteps, lines
+from pamid.signals.paths import steady_path
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.port_log import PortLog
 
@@ -63,6 +64,31 @@ def test_lines_over_a_step_have_the_mean_and_the_moment_of_its_pieces() -> None:
     straight = a[:, None] + (b - a)[:, None] * s
     assert np.allclose(np.trapezoid(each, s), np.trapezoid(straight, s))
     assert np.allclose(np.trapezoid(each * s, s), np.trapezoid(straight * s, s), atol=2e-4)
+
+
+def with_a_corner(seed: int = 0) -> tuple[np.ndarray, int]:
+    """Return a noisy path of 200 rows that rises, and falls from a row on much faster, as where a command jumps."""
+    k, corner = np.arange(200), 120
+    fall = np.maximum(k - corner, 0)
+    path = 3e-3 * np.minimum(k, corner) - 0.02 * fall**1.5 / (1.0 + 0.05 * fall)
+    return path + 2e-4 * np.random.default_rng(seed).standard_normal(200), corner
+
+
+def test_a_steady_path_turns_where_its_command_jumps_not_before() -> None:
+    for seed in range(5):
+        path, corner = with_a_corner(seed)
+        steady = steady_path(path, np.array([0]), 2e-4, 11)
+        assert np.argmax(steady) == corner
+        assert np.std((steady - path)[5:100]) > 1e-4  # elsewhere noise is smoothed
+
+
+def test_a_step_before_a_corner_is_not_bent_by_speeds_that_were_smoothed_over_it() -> None:
+    path, corner = with_a_corner()
+    log = PortLog({}, 0.01 * np.arange(200.0), np.array([0]), 0.01, ["one"])
+    smooth = np.convolve(np.gradient(path, 0.01), np.ones(7) / 7.0, mode="same")
+    assert CutSteps(path, smooth, log).cut.tolist() == []
+    there = np.abs(CutSteps(path, np.gradient(path, 0.01), log).cut - corner)
+    assert np.all(there <= 1)
 
 
 def test_only_the_steps_in_which_a_path_turns_are_cut_and_no_run_goes_on_into_the_next() -> None:

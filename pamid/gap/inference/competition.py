@@ -57,8 +57,12 @@ class Competition(FirstOrder):
 
     def enough(self, h: Hypothesis) -> bool:
         """Return whether a hypothesis leaves no more than the noise, to the accuracy of the noise estimate."""
-        wide = 1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1))
-        return bool(np.all(h.left <= wide))
+        return bool(np.all(h.left <= self.least))
+
+    @property
+    def least(self) -> np.ndarray:
+        """What noise may leave of each equation, to the accuracy of its estimate."""
+        return np.asarray(1.0 + EXCESS + np.sqrt(2.0 / np.maximum(self._counts, 1)))
 
     def refit(self, screen: Screen) -> Outcome:
         """Refit sets of effects exactly, improve the best of them, and try replacements of its causes."""
@@ -270,9 +274,8 @@ class Competition(FirstOrder):
         if not self.evidence.bends:
             return list(contenders)
         one = [s for s in contenders if len(s.templates) == 1]
-        order = {
-            id(s): self.fitter.promise(self._start(about, s, self.base), self._deviations(s, self.base)) for s in one
-        }
+        starts = {id(s): (self._start(about, s, self.base), self._deviations(s, self.base)) for s in one}
+        order = {k: self.fitter.promise(*start).loglik for k, start in starts.items()}
         return sorted(one, key=lambda s: -order[id(s)]) + [s for s in contenders if len(s.templates) > 1]
 
     def _start(

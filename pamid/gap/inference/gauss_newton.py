@@ -128,12 +128,12 @@ class Fitter:
         z = self.evidence.tangent({}, x) + self.evidence.change(spec, {}, x)
         return self._fit({k: dict(v) for k, v in spec.items()}, z, self.evidence.slopes({}, x), x).loglik
 
-    def promise(self, spec: Spec, x: np.ndarray) -> float:
-        """Return the likelihood that a first step from effects and deviations x would come to, to first order."""
+    def promise(self, spec: Spec, x: np.ndarray) -> RobustFit:
+        """Return what a first step from effects and deviations x would come to, to first order."""
         slots = slots_of(self.evidence.effects, spec)
         phi, (z, J) = np.array([spec[name][p.name] for name, p in slots]), self._laid(spec, x)
         D, lower, upper = self.jacobian(slots, phi, z, x)
-        return self.linear(z, J, D, lower, upper, iterations=6, start=x).loglik
+        return self.linear(z, J, D, lower, upper, iterations=6, start=x)
 
     def _exact(self, spec: dict[str, dict[str, float]], x: np.ndarray) -> Fit:
         """Fit the tolerances, linearised where the fit ends."""

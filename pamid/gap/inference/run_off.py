@@ -39,8 +39,9 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
         for name, others in _near(competition, outcome).items():
             found = {other: score for other, h in others.items() if (score := ran(h)) is not None}
             best = max(found, key=lambda other: found[other], default=name)
-            behind = [other for other, score in found.items() if score < found[best] - DECIDED]
-            worse |= {(k, best) for k in behind if (ran(others[k], True) or found[k]) < found[best] - DECIDED}
+            least = found[best] - DECIDED
+            behind = [other for other, score in found.items() if score < least]
+            worse |= {(k, best) for k in behind if (ran(others[k], True, least) or found[k]) < least}
         if not worse - competition.worse or competition.interrupted:
             break
         outcome = competition.without(worse, outcome)

@@ -10,6 +10,7 @@ from .competition import Competition
 from .gauss_newton import Fitter
 from .hypotheses import Hypothesis, Outcome
 from .sensitivity import Template
+from .student_t import scale
 
 
 def with_steps(
@@ -32,13 +33,19 @@ def with_steps(
 
 def _promise(competition: Competition, stepped: ResidualSource, outcome: Outcome) -> bool:
     """Return whether steps promise to explain as much with fewer causes, or with all of them where a gap is left."""
-    free, least = Fitter(stepped), competition.comparable(outcome.best)
+    free, least, best = Fitter(stepped), competition.comparable(outcome.best), outcome.best
 
-    def promised(h: Hypothesis) -> float:
+    def promised(h: Hypothesis) -> tuple[float, np.ndarray]:
         x = np.append(h.fit.x, np.zeros(free.n - len(h.fit.x)))
-        gain = free.promise(h.fit.spec, x) - competition.fitter.promise(h.fit.spec, h.fit.x)
-        return competition.comparable(h) + gain
+        there, here = free.promise(h.fit.spec, x), competition.fitter.promise(h.fit.spec, h.fit.x)
+        closed = [scale(there.z[p], 0.0) / max(scale(here.z[p], 0.0), 1e-300) for p in stepped.parts]
+        return competition.comparable(h) + there.loglik - here.loglik, h.left * closed
 
-    whole = [] if competition.enough(outcome.best) else [outcome.best]
-    parts = (h for h in outcome.refitted if h.names < outcome.best.names)
-    return any(promised(h) > least for h in (outcome.base, *parts, *whole))
+    parts = (h for h in outcome.refitted if h.names < best.names)
+    if any(promised(h)[0] > least for h in (outcome.base, *parts)):
+        return True
+    if competition.enough(best):
+        return False
+    # Half of what is left to first order may be all of it exactly.
+    here, there = (np.maximum(left - competition.least, 0.0) for left in (best.left, promised(best)[1]))
+    return bool(np.all(there <= 0.5 * here))

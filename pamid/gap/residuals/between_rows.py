@@ -74,22 +74,30 @@ def read_between(place: Placement, made: Effect, x: np.ndarray, dt: float, start
 
 
 def curved(x: np.ndarray, starts: np.ndarray) -> np.ndarray:
-    r"""Return a signal in pieces of each step, the last row of a run held.
+    r"""Return a signal in pieces of each step, a parabola of the least bend, the last row of a run held.
 
-    In each step it is the parabola through its rows and a neighbour, the one that bends less: where an input jumps,
-    motion has a corner, and is smooth on either side. The error is :math:`O(h^3)`.
+    The error is :math:`O(h^3)`.
     """
-    n, last = len(x), np.append(starts[1:], len(x)) - 1
-    bend = np.full(n, np.inf)
+    bend, last = least_bend(x, starts), np.append(starts[1:], len(x)) - 1
+    after, share = np.append(x[1:], x[-1:]), np.arange(PIECES) / PIECES
+    after[last] = x[last]
+    return (x[:, None] + share * (after - x)[:, None] - 0.5 * share * (1.0 - share) * bend[:, None]).ravel()
+
+
+def least_bend(x: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """Return the second difference in each step by its rows and a neighbour, the one that bends less.
+
+    Where an input jumps, motion has a corner, and is smooth on either side.
+    """
+    last = np.append(starts[1:], len(x)) - 1
+    bend = np.full(len(x), np.inf)
     bend[1:-1] = x[2:] - 2.0 * x[1:-1] + x[:-2]
     bend[starts] = bend[last] = np.inf  # rows do not cross runs
     there = np.append(bend[1:], np.inf)
     bend = np.where(np.abs(bend) < np.abs(there), bend, there)
     bend[~np.isfinite(bend)] = 0.0
     bend[last] = 0.0
-    after, share = np.append(x[1:], x[-1:]), np.arange(PIECES) / PIECES
-    after[last] = x[last]
-    return (x[:, None] + share * (after - x)[:, None] - 0.5 * share * (1.0 - share) * bend[:, None]).ravel()
+    return bend
 
 
 def passed_on(

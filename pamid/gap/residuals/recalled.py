@@ -54,8 +54,6 @@ def recalled(
 
     `runs` returns the states along them, shape (n_states, n), from initial states, shape (n_states, n_runs).
     """
-    if not hidden:
-        return Recalled.nothing(spans[-1][1])
     along, moved = runs(x0).copy(), x0.copy()
     spread = np.std(along, axis=1)
     moved[hidden] += spread[hidden, None]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
 
@@ -157,19 +158,27 @@ class StretchEvidence(PortEvidence):
         """Return whether the starts of shorter stretches take up a gap that shows in the readings of these."""
         if not max(self._missed(error), self._missed(error[:, self._firsts])) < FOLLOWS:
             return False
-        longer, (_, self.stretches, x0) = self.stretches, shorter
-        left = rms(self._error(x0))
-        hidden = left < 2.0 and self._torn(x0, self.simulator.numbers, left) > 0.0
-        self.stretches = longer
-        return hidden
+        _, stretches, x0 = shorter
+        with self._over(stretches):
+            left = rms(self._error(x0))
+            return left < 2.0 and self._torn(x0, self.simulator.numbers, left) > 0.0
 
     def _recall(self) -> None:
         """Take from whole runs what they tell of hidden states."""
         shown = {*self.shown, *self._moves}
         hidden = [k for k, s in enumerate(self.simulator.states) if s not in shown]
-        kept, self.stretches = self.stretches, cut(self.log.spans, self.log.n)
-        self._recalled = recalled(self._states_from, self._starts(), hidden, self.log.spans)
-        self.stretches = kept
+        if hidden:
+            with self._over(cut(self.log.spans, self.log.n)):
+                self._recalled = recalled(self._states_from, self._starts(), hidden, self.log.spans)
+
+    @contextmanager
+    def _over(self, stretches: list[Segment]) -> Iterator[None]:
+        """Predict over other stretches for a while."""
+        kept, self.stretches = self.stretches, stretches
+        try:
+            yield
+        finally:
+            self.stretches = kept
 
     def _tell_how(self) -> None:
         lengths = [s.stop - s.first for s in self.stretches]
@@ -295,32 +304,33 @@ class StretchEvidence(PortEvidence):
         return np.where(self._power(missed) < self._power(error), anew, x0)
 
     def _fitted_from(self, x0: np.ndarray, share: float = 1.0) -> tuple[np.ndarray, np.ndarray]:
-        """Return the best initial states near given ones, and the error, over a first share of each stretch."""
+        """Return the best initial states near given ones over a first share of each stretch, and the error."""
         within = [np.arange(s.first, s.first + max(round(share * (s.stop - s.first)), 1)) for s in self.stretches]
         rows = np.concatenate(within)
         of = self._of[rows]
 
         def power(left: np.ndarray) -> np.ndarray:
-            return np.bincount(of, np.sum(np.square(left), axis=0))
+            return np.bincount(of, np.sum(np.square(left[:, rows]), axis=0))
 
-        error = self._error(x0)[:, rows]
+        error = self._error(x0)
         for _ in range(ROUNDS if len(x0) else 0):
-            as_off = rms(error[: len(self.shown)])
-            error = self._missing(x0, as_off)[:, rows]
-            shift = Influence(self._leading(x0, as_off)[..., rows], of, len(self.stretches)).explained(error)
-            before = power(error)
+            as_off = rms(error[:, rows])
+            missing = self._missing(error, x0, as_off)
+            influence = Influence(self._leading(x0, as_off)[..., rows], of, len(self.stretches))
+            shift, before = influence.explained(missing[:, rows]), power(missing)
             for size in (1.0,) if share == 1.0 else (1.0, 0.25, 0.0625):
                 trial = x0 + size * shift
-                found = self._missing(trial, as_off)[:, rows]
-                better = power(found) < before
+                found = self._error(trial)
+                after = power(self._missing(found, trial, as_off))
+                better = after < before
                 if better.any():
                     break
             if not better.any():
                 break
-            x0, error = np.where(better, trial, x0), np.where(better[of], found, error)
-            if np.sum(before) - np.sum(power(error)) < len(x0):  # as noise alone makes of as many initial states
+            x0, error = np.where(better, trial, x0), np.where(better[self._of], found, error)
+            if np.sum((before - after)[better]) < len(x0):  # as noise alone makes of as many initial states
                 break
-        return x0, error[: len(self.shown)]
+        return x0, error
 
     def _without_sign(self) -> tuple[float, np.ndarray] | None:
         """Return prediction errors of a reading taken as a magnitude, and initial states; None if not smaller."""
@@ -354,26 +364,26 @@ class StretchEvidence(PortEvidence):
         x, d, damping, first = x0, np.zeros(len(self.free)), 1e-2, None
         error = self._error(x)
         for _ in range(LAYINGS):
-            as_off, numbers = rms(error[: len(self.shown)]), self._numbers_at(d)
-            error, slopes = self._missing(x, as_off, numbers), self._leading(x, as_off, numbers)
+            as_off = rms(error)
+            missing, slopes = self._missing(error, x, as_off), self._leading(x, as_off, self._numbers_at(d))
             columns = self._slopes_of_numbers(x, d)
-            columns = np.pad(columns, ((0, 0), (0, len(error) - columns.shape[1]), (0, 0)))
+            columns = np.pad(columns, ((0, 0), (0, len(missing) - columns.shape[1]), (0, 0)))
             parts = [slice(s.first, s.stop) for s in self.stretches]
-            flat = [(slopes[..., p], columns[..., p].reshape(len(d), -1), error[:, p].reshape(1, -1)) for p in parts]
+            flat = [(slopes[..., p], columns[..., p].reshape(len(d), -1), missing[:, p].reshape(1, -1)) for p in parts]
             A = np.concatenate([beside(own, c) for own, c, _ in flat], axis=1)
             left = np.concatenate([beside(own, e)[0] for own, _, e in flat])
             first = A if first is None else first
             size = np.sqrt(np.sum(np.square(A), axis=1))
             size = np.where(size > 0.0, size, 1.0)  # a number that acts on nothing stays where it is
             # Tolerances have the same prior as in fits: parameters with little influence stay near their values.
-            before = float(np.sum(np.square(error)))
-            prior, begun = TOLERANCE * before / error.size, Influence(slopes, self._of, len(self.stretches))
+            before = float(np.sum(np.square(missing)))
+            prior, begun = TOLERANCE * before / missing.size, Influence(slopes, self._of, len(self.stretches))
             for _ in range(4):
                 H = (A / size[:, None]) @ (A / size[:, None]).T + np.diag(damping + prior / size**2)
                 trial = d + bounded(H, (A @ left - prior * d) / size, (-1.0 - d) * size, (1.0 - d) * size) / size
-                start = x + begun.explained(error - np.tensordot(trial - d, columns, axes=1))
-                found = self._missing(start, as_off, self._numbers_at(trial))
-                after = float(np.sum(np.square(found)))
+                start = x + begun.explained(missing - np.tensordot(trial - d, columns, axes=1))
+                found = self._error(start, self._numbers_at(trial))
+                after = float(np.sum(np.square(self._missing(found, start, as_off))))
                 if after < before:
                     break
                 damping *= 10.0
@@ -384,7 +394,7 @@ class StretchEvidence(PortEvidence):
             damping *= 0.1
             if 1.0 - after / before < 0.01:
                 break
-        return self._off(x, error[: len(self.shown)], self._numbers_at(d)), d, x
+        return self._off(x, error, self._numbers_at(d)), d, x
 
     def _numbers_at(self, x: np.ndarray) -> np.ndarray:
         return self.numbers(dict(zip(self.free, map(float, x), strict=True)))
@@ -443,12 +453,12 @@ class StretchEvidence(PortEvidence):
         """Return prediction errors, in units of each channel's noise, shape (n_shown, n)."""
         return np.asarray(self._errors([x0], [self.simulator.numbers if numbers is None else numbers])[0])
 
-    def _missing(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
-        """Return the same, and how far initial states are from what is recalled of them.
+    def _missing(self, error: np.ndarray, x0: np.ndarray, as_off: float) -> np.ndarray:
+        """Return prediction errors, and how far initial states are from what is recalled of them.
 
         Errors that a gap makes `as_off` times as large as the noise must not outweigh that.
         """
-        return np.vstack([self._error(x0, numbers), max(as_off, 1.0) * self._recalled.error(x0, self._firsts)])
+        return np.vstack([error, max(as_off, 1.0) * self._recalled.error(x0, self._firsts)])
 
     def _leading(self, x0: np.ndarray, as_off: float, numbers: np.ndarray | None = None) -> np.ndarray:
         """Return the sensitivities of both to initial states."""
