@@ -12,7 +12,7 @@ from ..effects import Effect
 from .base import Simulator
 from .chains import Chains
 from .placement import Placement
-from .sticking import Forces, Hold, settled
+from .sticking import ALL, Forces, Hold, Some, settled
 from .structure import JointPort
 
 Acting = Sequence[tuple[Placement, Effect]]
@@ -227,20 +227,24 @@ class Runner:
             d = rate(h, x + h * c)
             return x + h / 6 * (a + 2 * b + 2 * c + d) + change, a
 
-        holds = [self._hold(*acting[k], memory[k], before[k], u, t, h, paths) for k in holding]
+        holds = [self._hold(*acting[k], memory[k], before[k], x, u, t, h, paths) for k in holding]
         x = settled(after, holds, h) if holds else after([])[0]
         return x, self._moved(acting, memory, before, x, u, h, t, paths)
 
     def _hold(
-        self, place: Placement, made: Effect, memory: Any, s0: Any, u: np.ndarray, t: np.ndarray, h: float,
-        paths: Sequence[str],
+        self, place: Placement, made: Effect, memory: Any, s0: Any, x: np.ndarray, u: np.ndarray, t: np.ndarray,
+        h: float, paths: Sequence[str],
     ) -> Hold:  # fmt: skip
         """Return an effect that holds a motion, in a step."""
 
-        def at_end(y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            s1 = self._came(place, s0, y, u, h, t, paths)
-            bent = made.step(memory, s0, s1, h * place.scales.time, place.plant)
-            return np.asarray(place.force(made, s1, bent)), s1.position - s0.position
+        def at_end(y: np.ndarray, some: Some) -> tuple[np.ndarray, np.ndarray]:
+            begun, held, driven, at = s0, memory, u, t
+            if some is not ALL:
+                held, driven, at = memory[..., some], u[:, some], np.broadcast_to(t, x.shape[1:])[some]
+                begun = place.signals(self._table(x[:, some], driven, paths), at)
+            s1 = self._came(place, begun, y, driven, h, at, paths)
+            bent = made.step(held, begun, s1, h * place.scales.time, place.plant)
+            return np.asarray(place.force(made, s1, bent)), s1.position - begun.position
 
         way, begun = h * place.scales.time * s0.velocity, np.asarray(place.force(made, s0, memory))
         return Hold(begun, way, made.turns_within, place.scales.target, at_end)

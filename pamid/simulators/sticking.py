@@ -34,7 +34,9 @@ _FIRST = 1.0, 6.0
 """First guesses beyond rest, in distances within which the force turns over."""
 
 Forces = Sequence[np.ndarray]
-AtEnd = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+Some = slice | np.ndarray
+ALL = slice(None)
+AtEnd = Callable[[np.ndarray, Some], tuple[np.ndarray, np.ndarray]]
 
 
 class Hold(NamedTuple):
@@ -49,7 +51,7 @@ class Hold(NamedTuple):
     small: float
     """A small force for the simulator."""
     at_end: AtEnd
-    """The force at the end, and how far the speed there leads in a step, by the states there."""
+    """The force at the end, and how far the speed there leads in a step, by the states there of some of the runs."""
 
 
 def settled(run: Callable[[Forces], tuple[np.ndarray, np.ndarray]], holds: Sequence[Hold], h: float) -> np.ndarray:
@@ -62,7 +64,7 @@ def settled(run: Callable[[Forces], tuple[np.ndarray, np.ndarray]], holds: Seque
     slopes, found = [], list(begun)
     for k, hold in enumerate(holds):
         there, pushed = run([*begun[:k], begun[k] + hold.small, *begun[k + 1 :]])
-        share = _turned(hold.way, hold.at_end(base)[1])
+        share = _turned(hold.way, hold.at_end(base, ALL)[1])
         whole, at_once = (there - base) / hold.small, h * (pushed - rates) / hold.small
         slopes.append((1.0 - share) * ((1.0 - share) * whole + share * at_once))
     states = base
@@ -70,7 +72,11 @@ def settled(run: Callable[[Forces], tuple[np.ndarray, np.ndarray]], holds: Seque
         far = 0.0
         for k, (hold, slope) in enumerate(zip(holds, slopes, strict=True)):
             without, before = states - slope * found[k], found[k]
-            found[k] = _root(lambda f: hold.at_end(without + slope * f), hold.within)  # noqa: B023 - used in this round
+
+            def at_end(f: np.ndarray, some: Some) -> tuple[np.ndarray, np.ndarray]:
+                return hold.at_end(without[:, some] + slope[:, some] * f, some)  # noqa: B023 - used in this round
+
+            found[k] = _root(at_end, hold.within)
             states = without + slope * found[k]
             size = float(np.max(np.abs(found[k]), initial=0.0))
             far = max(far, float(np.max(np.abs(found[k] - before), initial=0.0)) / (size or 1.0))
@@ -87,8 +93,8 @@ def _turned(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 def _root(at_end: AtEnd, within: float) -> np.ndarray:
     """Return the force that follows from itself, by the Illinois method from where nothing moves."""
-    top, free = at_end(np.zeros(()))
-    full, slid = at_end(top)
+    top, free = at_end(np.zeros(()), ALL)
+    full, slid = at_end(top, ALL)
     behind = full - top
     slides = (np.sign(behind) != -np.sign(top)) | ~np.isfinite(behind)
     if slides.all():
@@ -97,26 +103,32 @@ def _root(at_end: AtEnd, within: float) -> np.ndarray:
         slope = (slid - free) / top
         rest, turn = -free / slope, within / slope * np.sign(top)
     rest = np.clip(np.where(np.isfinite(rest), rest, 0.0), np.minimum(top, 0.0), np.maximum(top, 0.0))
-    off = at_end(rest)[0] - rest
+    off = at_end(rest, ALL)[0] - rest
     more = off * top > 0.0
     a, ahead = np.where(more, rest, 0.0), np.where(more, off, top)
     b, behind = np.where(more, top, rest), np.where(more, behind, off)
     # What slides does so whatever other runs do beside it.
-    b, done = np.where(slides, top, np.where(off == 0.0, rest, b)), slides | (off == 0.0)
+    found, some = np.where(slides, top, np.where(off == 0.0, rest, b)), np.flatnonzero(~slides & (off != 0.0))
+    # What has been found is not asked for again: most runs slide in most steps.
+    exact, rest, turn = _EXACT * np.abs(top), rest[some], (np.where(more, 1.0, -1.0) * turn)[some]
+    a, ahead, b, behind = a[some], ahead[some], b[some], behind[some]
     for k in range(_ROUNDS):
-        done |= (np.abs(b - a) <= _EXACT * np.abs(top)) | (np.abs(behind) <= _EXACT * np.abs(top))
-        if done.all():
+        open_ = (np.abs(b - a) > exact[some]) & (np.abs(behind) > exact[some])
+        if not open_.all():
+            found[some], some = b, some[open_]
+            a, ahead, b, behind, rest, turn = (row[open_] for row in (a, ahead, b, behind, rest, turn))
+        if not len(some):
             break
         with np.errstate(all="ignore"):
             c = b - behind * (b - a) / (behind - ahead)
         if k < len(_FIRST):
-            near = rest + np.where(more, _FIRST[k], -_FIRST[k]) * turn
+            near = rest + _FIRST[k] * turn
             c = np.where((near - a) * (near - b) < 0.0, near, c)
         elif k % 4 == 3:
             c = 0.5 * (a + b)
-        c = np.where(done, b, c)
-        off = at_end(c)[0] - c
+        off = at_end(c, some if len(some) < len(found) else ALL)[0] - c
         over = np.sign(off) == np.sign(behind)
-        a, ahead = np.where(done | over, a, b), np.where(over, 0.5 * ahead, behind)
-        b, behind = np.where(done, b, c), np.where(done, behind, off)
-    return b
+        a, ahead = np.where(over, a, b), np.where(over, 0.5 * ahead, behind)
+        b, behind = c, off
+    found[some] = b
+    return found
