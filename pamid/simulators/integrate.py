@@ -240,7 +240,7 @@ class Runner:
         def at_end(y: np.ndarray, some: Some) -> tuple[np.ndarray, np.ndarray]:
             begun, held, driven, at = s0, memory, u, t
             if some is not ALL:
-                held, driven, at = memory[..., some], u[:, some], np.broadcast_to(t, x.shape[1:])[some]
+                held, driven, at = np.asarray(memory)[..., some], u[:, some], np.broadcast_to(t, x.shape[1:])[some]
                 begun = place.signals(self._table(x[:, some], driven, paths), at)
             s1 = self._came(place, begun, y, driven, h, at, paths)
             bent = made.step(held, begun, s1, h * place.scales.time, place.plant)

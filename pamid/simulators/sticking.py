@@ -110,13 +110,14 @@ def _root(at_end: AtEnd, within: float) -> np.ndarray:
     # What slides does so whatever other runs do beside it.
     found, some = np.where(slides, top, np.where(off == 0.0, rest, b)), np.flatnonzero(~slides & (off != 0.0))
     # What has been found is not asked for again: most runs slide in most steps.
-    exact, rest, turn = _EXACT * np.abs(top), rest[some], (np.where(more, 1.0, -1.0) * turn)[some]
-    a, ahead, b, behind = a[some], ahead[some], b[some], behind[some]
+    rows = a, ahead, b, behind, rest, np.where(more, 1.0, -1.0) * turn, _EXACT * np.abs(top)
+    a, ahead, b, behind, rest, turn, exact = (row[some] for row in rows)
     for k in range(_ROUNDS):
-        open_ = (np.abs(b - a) > exact[some]) & (np.abs(behind) > exact[some])
+        open_ = (np.abs(b - a) > exact) & (np.abs(behind) > exact)
         if not open_.all():
             found[some], some = b, some[open_]
-            a, ahead, b, behind, rest, turn = (row[open_] for row in (a, ahead, b, behind, rest, turn))
+            rows = a, ahead, b, behind, rest, turn, exact
+            a, ahead, b, behind, rest, turn, exact = (row[open_] for row in rows)
         if not len(some):
             break
         with np.errstate(all="ignore"):

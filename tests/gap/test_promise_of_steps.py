@@ -31,6 +31,22 @@ def promised(left: float, closed: float, monkeypatch: pytest.MonkeyPatch) -> boo
     return stepped._promise(competition, SimpleNamespace(parts=[PART]), outcome)
 
 
+def test_who_interrupts_the_search_with_steps_interrupts_the_search(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Again(SimpleNamespace):
+        def __init__(self, *_: object) -> None:
+            super().__init__(interrupted=True, comparable=lambda _: 0.0, enough=lambda _: False)
+
+    best = SimpleNamespace(names=frozenset("a"))
+    competition = SimpleNamespace(
+        evidence=SimpleNamespace(stepped=lambda: best), library=["a"], say=print, templates=[], interrupted=False,
+        comparable=lambda _: 0.0, enough=lambda _: False,
+    )  # fmt: skip
+    monkeypatch.setattr(stepped, "_promise", lambda *_: True)
+    monkeypatch.setattr(stepped, "Competition", Again)
+    outcome = SimpleNamespace(best=best)
+    assert stepped.with_steps(competition, outcome, lambda _: outcome) is None and competition.interrupted
+
+
 def test_steps_that_close_most_of_what_is_left_are_promising(monkeypatch: pytest.MonkeyPatch) -> None:
     assert promised(3.0, 0.5, monkeypatch)
     assert not promised(3.0, 0.01, monkeypatch)

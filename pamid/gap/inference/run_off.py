@@ -42,7 +42,7 @@ def by_running(competition: Competition, outcome: Outcome, run: Run) -> Outcome:
             least = found[best] - DECIDED
             behind = [other for other, score in found.items() if score < least]
             worse |= {(k, best) for k in behind if (ran(others[k], True, least) or found[k]) < least}
-        if not worse - competition.worse or competition.interrupted:
+        if not worse - competition.worse:
             break
         outcome = competition.without(worse, outcome)
     return replace(outcome, unseen=lambda hides: _unseen(competition, outcome, ran, hides))
@@ -57,7 +57,7 @@ def _unseen(
     more than twice as much is no rival.
     """
     best, effects = outcome.best, competition.evidence.effects
-    if competition.interrupted or competition.enough(best) or any(effects[name].holds for name in best.names):
+    if competition.enough(best) or any(effects[name].holds for name in best.names):
         return False
     for name in best.names:
         for h in competition.likeliest(best, name, lambda k: effects[k].holds):

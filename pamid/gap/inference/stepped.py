@@ -25,6 +25,7 @@ def with_steps(
         known[template.effect].append(template)
     again = Competition(evidence, competition.library, competition.say, known)
     found = search(again)
+    competition.interrupted = again.interrupted  # whoever interrupts this search waits for nothing after it, either
     fewer = len(outcome.best.names) - len(found.best.names)
     whole = fewer == 0 and again.enough(found.best) and not competition.enough(outcome.best)
     better = again.comparable(found.best) > competition.comparable(outcome.best) + LEAST_GAIN
