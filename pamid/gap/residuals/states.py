@@ -7,10 +7,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...signals import differentiate
 from ...signals.resting import resting_rows
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from ...simulators.structure import JointPort, kinematic_pairs, some_instants, spread_numbers
+from ...simulators.structure import JointPort, kinematic_pairs, some_instants, speed_name, spread_numbers
 
 LEAST_MOVING = 20
 """Windows of motion that a joint must have for those at rest to be left out: the logs of
@@ -85,6 +86,24 @@ def roles_of(simulator: Simulator, joints: Sequence[JointPort], equation: str) -
     if "eps" not in found and simulator.inputs:
         found["eps"] = simulator.inputs[0]
     return {k: v for k, v in found.items() if v}
+
+
+def read_joints(simulator: Simulator, log: PortLog) -> tuple[list[JointPort], dict[str, np.ndarray]]:
+    """Return the joints of a simulator of readings, and the speeds of those of which the log holds positions alone.
+
+    Forces there are functions of what the log reads.
+    """
+    joints, speeds = list[JointPort](), dict[str, np.ndarray]()
+    for p in simulator.ports:
+        velocity = p.velocity if p.velocity in simulator.outputs else speed_name(p.name)
+        if p.kind != "joint" or not p.through or not {p.position, velocity} & log.channels.keys():
+            continue
+        if velocity not in log.channels:
+            x = log.channels[p.position]
+            runs = [differentiate(x[a:b], log.t[a:b], warn=False)[1] for a, b in log.spans]
+            speeds[velocity] = np.concatenate(runs)
+        joints.append(JointPort(p.name, p.position, velocity, p.through, p.unit))
+    return joints, speeds
 
 
 def integral(v: np.ndarray, log: PortLog, starts: np.ndarray | None = None) -> np.ndarray:
