@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..settings import KEPT, OF_ITS_OWN
-from .sensitivity import Template, law_of
+from .sensitivity import Template
 from .student_t import bounded
 
 ROUNDS = 4
@@ -267,10 +267,10 @@ class Subsets:
         best: dict[frozenset[str], tuple[float, Subset, int]] = {}
         for parent in [*beam, *self._elsewhere(beam)]:
             gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
-            there = set(map(law_of, names))  # of two forms of one law, a set has one
+            there = {self.library[t].root for t in parent.templates}  # of two forms of one law, a set has one
             for t in np.argsort(-gains, kind="stable"):
                 effect = self.library[t].effect
-                if effect in own or law_of(effect) in there:
+                if effect in own or self.library[t].root in there:
                     continue
                 own.add(effect)
                 promised = parent.score + float(gains[t]) - self.cost[effect]
