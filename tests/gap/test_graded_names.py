@@ -1,0 +1,36 @@
+"""How firmly a name stands in somebody's own simulator, and that a set holds one law once."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from pamid.effects.dry_friction import CoulombFriction, StribeckFriction
+from pamid.gap.diagnosis import open_set
+from pamid.gap.inference.sensitivity import root_of
+
+
+@pytest.mark.parametrize(
+    ("left", "grade", "closes"),
+    [(0.001, "sure", True), (0.24, "reserve", True), (0.26, "family", True), (0.6, "family", False)],
+)
+def test_a_name_halves_the_error_or_is_one_of_a_family(
+    left: float, grade: str, closes: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    doubtful = {"left": 1.0} if left > 0.01 else {}
+    signs = dict.fromkeys(open_set.ALONE, 0.0) | doubtful
+    signs |= {"left_where_it_acts": left, "unclosed_of_gap": left, "unsupported": 0.0}
+    monkeypatch.setattr(open_set, "signs_of", lambda *_: {"drag@x": signs})
+    monkeypatch.setattr(open_set, "taken_back", lambda *_: {})
+    competition = SimpleNamespace(evidence=SimpleNamespace(exact=False))
+    outcome = SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(spec={"drag@x": {}})))
+    found = open_set.trust(competition, outcome, {}, {})["drag@x"]
+    assert (found.grade, found.closes) == (grade, closes)
+    assert (found.probability >= open_set.TRUSTED) == (grade != "family")
+
+
+def test_dry_friction_and_its_breakaway_are_one_law_at_a_joint() -> None:
+    assert root_of("stribeck_friction@j2", StribeckFriction) == root_of("coulomb_friction@j2", CoulombFriction)
+    assert root_of("stribeck_friction@j2", StribeckFriction) != root_of("coulomb_friction@j1", CoulombFriction)
+    assert root_of("lag (second order)@u", None) == "lag@u"
