@@ -31,7 +31,7 @@ https://doi.org/10.48550/arXiv.2208.02814
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
@@ -95,7 +95,7 @@ def trust(
         probability = float(expit(score))
         if not competition.evidence.exact:
             left = signs["left_where_it_acts"]
-            halved = left**0.5 <= TRUSTED
+            halved = sqrt(left) <= TRUSTED
             probability = max(TRUSTED, 0.5 * (probability + 1.0 - left)) if halved else 0.5 * (1.0 - left)
         # In such a model no small further cause is told from what the forms of the others lack, nor one that they undo:
         # then two wrong forms may differ by the right one.
