@@ -59,7 +59,7 @@ class Superposed:
         return share, self._which
 
     def _apart(self, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return how much of each direction a change has, and what is left of it beside them."""
+        """Return how much of each direction a change has, and its part in a direction of its own."""
         known = self._changes[: len(self._which)]
         along, own = np.zeros(len(known)), change
         for _ in range(2):  # once more, since rounding leaves something
