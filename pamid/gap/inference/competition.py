@@ -194,6 +194,7 @@ class Competition(FirstOrder):
             # One in the place of a cause may turn out to be the better one.
             least = self._ranked(best)[1]
             better = max([best, *(h for h in self._done.values() if h.score > least)], key=self._ranked)
+            better = self._plainest(better)
             if better is best or not left:
                 break
             best = better
@@ -201,6 +202,12 @@ class Competition(FirstOrder):
             best = certain
             alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
         return best, alternatives
+
+    def _plainest(self, best: Hypothesis) -> Hypothesis:
+        """Return of the sets that are as likely as one, since their forms may be inexact, the one that fits best."""
+        own, score = self._ranked(best)
+        alike = [h for h in self._done.values() if len(h.names) == len(best.names) and h.plain > best.plain + CLASS]
+        return max([best, *(h for h in alike if self._ranked(h) > (own, score - CLASS))], key=lambda h: h.plain)
 
     def _restarted(self, best: Hypothesis) -> Hypothesis:
         """Return a set refitted from nearby points of the fine grids: between some of them an effect turns its sign."""
