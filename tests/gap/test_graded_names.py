@@ -8,6 +8,7 @@ import pytest
 
 from pamid.effects.dry_friction import CoulombFriction, StribeckFriction
 from pamid.gap.diagnosis import open_set
+from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.sensitivity import root_of
 
 
@@ -34,3 +35,18 @@ def test_dry_friction_and_its_breakaway_are_one_law_at_a_joint() -> None:
     assert root_of("stribeck_friction@j2", StribeckFriction) == root_of("coulomb_friction@j2", CoulombFriction)
     assert root_of("stribeck_friction@j2", StribeckFriction) != root_of("coulomb_friction@j1", CoulombFriction)
     assert root_of("lag (second order)@u", None) == "lag@u"
+
+
+def test_of_sets_as_likely_as_each_other_the_one_that_fits_best_stands_for_them() -> None:
+    """A lag of which the form may be inexact scores as a delay does that leaves the noise alone."""
+
+    def of(name: str, score: float, plain: float) -> SimpleNamespace:
+        return SimpleNamespace(names=frozenset({name}), score=score, plain=plain)
+
+    lag, delay, worse = of("lag", 102.3, 108.2), of("delay", 101.8, 127.8), of("compliance", 98.5, 130.0)
+    search = Competition.__new__(Competition)
+    search._ranked = lambda h: (True, h.score)  # type: ignore[method-assign]
+    search._done = {h.names: h for h in (lag, delay, worse)}  # type: ignore[misc]
+    assert search._plainest(lag) is delay and search._plainest(delay) is delay
+    delay.plain = 109.0
+    assert search._plainest(lag) is lag

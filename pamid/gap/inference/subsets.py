@@ -277,7 +277,14 @@ class Subsets:
                 if names | {effect} not in best or promised > best[names | {effect}][0]:
                     best[names | {effect}] = promised, parent, int(t)
         ranked = sorted(best.values(), key=lambda found: -found[0])
-        return [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+        found = [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+        return found + self._both_ways(beam) if len(beam[0].templates) == 1 else found
+
+    def _both_ways(self, singles: Sequence[Subset]) -> list[tuple[Subset, int]]:
+        """Return the pairs of the best single effects, from either: tolerances fitted to one may hide the other."""
+        best = sorted(singles, key=lambda s: -s.score)[: 2 * KEPT]
+        roots = {s.templates[0]: self.library[s.templates[0]].root for s in best}
+        return [(s, t) for s in best for t in roots if roots[t] != roots[s.templates[0]]]
 
     def _elsewhere(self, beam: Sequence[Subset]) -> list[Subset]:
         """Return single effects at other points of their grids: beside others, one may be larger than by itself."""
