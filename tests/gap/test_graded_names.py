@@ -10,6 +10,7 @@ from pamid.effects.dry_friction import CoulombFriction, StribeckFriction
 from pamid.gap.diagnosis import open_set
 from pamid.gap.inference.competition import Competition
 from pamid.gap.inference.sensitivity import root_of
+from pamid.gap.inference.subsets import Subsets
 
 
 @pytest.mark.parametrize(
@@ -50,3 +51,13 @@ def test_of_sets_as_likely_as_each_other_the_one_that_fits_best_stands_for_them(
     assert search._plainest(lag) is delay and search._plainest(delay) is delay
     delay.plain = 109.0
     assert search._plainest(lag) is lag
+
+
+def test_pairs_of_the_best_effects_are_scored_from_either() -> None:
+    roots = ["coulomb_friction@j", "coulomb_friction@j", "actuator_gain@u", *(f"lag@{k}" for k in range(20))]
+    library = Subsets.__new__(Subsets)
+    library.library = [SimpleNamespace(root=root) for root in roots]  # type: ignore[misc]
+    singles = [SimpleNamespace(templates=(k,), score=-float(k)) for k in range(len(roots))]
+    pairs = {(parent.templates[0], t) for parent, t in library._both_ways(singles)}  # type: ignore[arg-type]
+    assert {(0, 2), (2, 0), (1, 2), (2, 1)} <= pairs  # whichever comes first
+    assert not {(0, 1), (1, 0)} & pairs and max(map(max, pairs)) < 10  # one law twice, or one of the worse effects
