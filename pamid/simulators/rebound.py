@@ -62,18 +62,20 @@ class Used:
                 if any(one.__globals__ is self.around for one in _plain(member)):
                     yield name, member
 
-    def _functions_of(self, value: Any, within: tuple[int, ...] = ()) -> Iterator[FunctionType]:
+    def _functions_of(self, value: Any, known: set[int] | None = None) -> Iterator[FunctionType]:
+        known = set() if known is None else known
         if isinstance(value, FunctionType):
             yield from [value] if value.__globals__ is self.around else []
         elif isinstance(value, MethodType):
             yield from [value.__func__] if isinstance(value.__func__, FunctionType) else []
-            yield from self._functions_of(value.__self__)
+            yield from self._functions_of(value.__self__, known)
         elif isinstance(value, type):
             yield from (one for member in self.members(value).values() for one in _plain(member))
-        elif self.has(type(value)) and id(value) not in within:
+        elif id(value) not in known and self.has(type(value)):
+            known.add(id(value))
             yield from self._functions_of(type(value))
             for part in getattr(value, "__dict__", {}).values():
-                yield from self._functions_of(part, (*within, id(value)))
+                yield from self._functions_of(part, known)
 
 
 class _Anew:
