@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from ...signals import differentiate
+from ...signals.ends import end_of
 from ...signals.resting import resting_rows
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
@@ -120,7 +121,10 @@ def resting_joints(log: PortLog, joints: Sequence[JointPort], tested: set[str], 
     codes = np.repeat(np.arange(len(log.spans)), [e - a for a, e in log.spans])
     for joint in joints:
         if joint.position in log.channels and joint.name in tested:
-            rows = resting_rows(log.channels[joint.position], log.dt, codes)
+            x = log.channels[joint.position]
+            end = end_of(x, log.spans)
+            rows = resting_rows(x, log.dt, codes)
+            rows = rows if end is None else rows & ~end.rows  # there the sensor stands still, not the joint
             if rows.any() and np.sum(~rows) >= LEAST_MOVING * n:
                 found[joint.name] = rows
     return found
