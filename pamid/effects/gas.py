@@ -194,8 +194,8 @@ class HeatLoss(Effect):
     domain = "temperature"
     source = "10.1016/0017-9310(75)90243-4"
     coefficient = parameter("kg/(s Pa)", 0.0, 1e-3, 1e-7, "loss per kelvin at 300 K", linear=True, symbol="h")
-    exponent = parameter("-", 1.0, 4.0, 4.0, "power of the absolute temperature", symbol="n")
-    ambient = parameter("K", 230.0, 350.0, 293.15, "temperature of the surroundings", symbol="Tₐ")
+    exponent = parameter("-", 1.0, 4.0, 4.0, "power of the absolute temperature", symbol="n", points=1)
+    ambient = parameter("K", 230.0, 350.0, 293.15, "temperature of the surroundings", symbol="Tₐ", points=5)
 
     def flow(self, s: Signals, x: Array, plant: Plant) -> FlowTerm:
         """Return the loss above the surroundings' temperature."""

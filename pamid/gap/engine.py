@@ -124,4 +124,8 @@ def explain(
         verdict = twice(lambda _: decide(competition, outcome, random_state))
         if not competition.interrupted:
             unless_stopped(lambda: heed(outcome, verdict), lambda: None)
-        return twice(lambda short: answer(evidence, competition, verdict, notes, random_state, say, short))
+        return twice(
+            lambda short: answer(
+                evidence, competition, verdict, notes, random_state, say, short or competition.interrupted
+            )
+        )

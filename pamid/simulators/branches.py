@@ -32,6 +32,11 @@ class Instants(np.ndarray):
             return bool(holds[0])
         raise Parting(holds)
 
+    def __array_function__(self, func: Any, types: Any, args: Any, kwargs: Any) -> Any:
+        """Return what a function of numpy does, still at many instants: `where`, `interp` and others forget that."""
+        found = super().__array_function__(func, types, args, kwargs)
+        return found.view(type(self)) if type(found) is np.ndarray and found.ndim else found
+
 
 Rows = slice | np.ndarray
 

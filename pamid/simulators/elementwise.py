@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import builtins
-import dis
 import functools
 import math
 import operator
-from collections.abc import Callable, Iterator
-from types import BuiltinFunctionType, CodeType, FunctionType, SimpleNamespace
+from collections.abc import Callable
+from types import BuiltinFunctionType, FunctionType, MethodType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ import numpy as np
 from .branches import Instants
 from .matrices import AtEachInstant, matrices
 from .ports import Values
+from .rebound import Used
 
 
 def _largest(better: Callable[[Any, Any], Any], plain: Callable[..., Any]) -> Callable[..., Any]:
@@ -118,41 +118,30 @@ _BUILT_IN = {
 def elementwise(function: Callable[..., Any], or_nan: bool = False) -> Callable[..., Any] | None:
     """Return a function that takes arrays where max, min, float, math or numpy's matrices are those of an instant.
 
-    Functions of its module that it calls are taken along. One that sets names of its module is left alone: None, as
-    where it asks for none of these. With `or_nan` functions of math that have no value at some instant are NaN there,
-    unless an error is caught.
+    What it uses of its module is taken along. One that sets names of its module is left alone: None, as where it asks
+    for none of these. With `or_nan` functions of math that have no value at some instant are NaN there, unless an
+    error is caught.
     """
-    if not isinstance(function, FunctionType):
+    if not isinstance(function, (FunctionType, MethodType)):
+        function = getattr(function, "__call__", function)  # noqa: B004 - the method, of an object that has one
+    if not isinstance(getattr(function, "__func__", function), FunctionType):
         return None
-    around = function.__globals__
-    replaced = set(matrices(1))
-    found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in around}
-    for name, value in around.items():
+    used = Used(function)
+    if used.keeps_count or (or_nan and any(code.co_exceptiontable for code in used.codes)):
+        return None
+    found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in used.around}
+    for name, value in used.around.items():
         if value is math or (isinstance(value, BuiltinFunctionType) and value in _MATH[or_nan]):
             found[name] = _MATH[or_nan][value]
-    own, asked, waiting = dict[str, FunctionType](), set[str](), [function]
-    while waiting:
-        for code in _codes(waiting.pop().__code__):
-            if any(step.opname in ("STORE_GLOBAL", "DELETE_GLOBAL") for step in dis.get_instructions(code)):
-                return None
-            if or_nan and code.co_exceptiontable:
-                return None
-            asked |= set(code.co_names)
-            for name in code.co_names:
-                other = around.get(name)
-                if name not in own and isinstance(other, FunctionType) and other.__globals__ is around:
-                    own[name] = other
-                    waiting.append(other)
-    of_numpy = {name for name in asked & set(around) if id(around[name]) in replaced}
+    replaced, asked = set(matrices(1)), used.names
+    of_numpy = {name for name in asked & set(used.around) if id(used.around[name]) in replaced}
     if not (of_numpy or asked & set(found)):
         return None
 
     @functools.lru_cache(maxsize=8)
     def made(n: int) -> Callable[..., Any]:
         instead = matrices(n) if of_numpy else {}
-        names = {**around, **found, **{name: instead[id(around[name])] for name in of_numpy}}
-        names |= {name: _within(other, names) for name, other in own.items()}
-        return _within(function, names)
+        return used.within({**found, **{name: instead[id(used.around[name])] for name in of_numpy}})
 
     if not of_numpy:
         return made(0)
@@ -169,18 +158,3 @@ def _at_instants(given: Any) -> Any:
     if isinstance(given, Values):
         return Values.of(given, Values.named(given), AtEachInstant)
     return np.asarray(given).view(AtEachInstant)
-
-
-def _codes(code: CodeType) -> Iterator[CodeType]:
-    """Yield the code of a function and of all that is defined in it."""
-    yield code
-    for inner in code.co_consts:
-        if isinstance(inner, CodeType):
-            yield from _codes(inner)
-
-
-def _within(function: FunctionType, names: dict[str, Any]) -> FunctionType:
-    """Return the same function with other names around it."""
-    out = FunctionType(function.__code__, names, function.__name__, function.__defaults__, function.__closure__)
-    out.__kwdefaults__ = function.__kwdefaults__
-    return out

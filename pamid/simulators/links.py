@@ -17,7 +17,7 @@ from .dimensions import unit_powers
 from .lever import Lever
 from .reciprocity import MOSTLY, SAME, STEP, Mass, Slopes, SomeInstants, factor_of, slopes
 from .shares import Shares, scaled_shares
-from .structure import JointPort, rate_unit, spread_numbers
+from .structure import JointPort, rate_unit, spread_numbers, why_left_out
 
 _FORCES = ("N", "N m")
 FAR = 100.0
@@ -158,11 +158,17 @@ def ends_in(simulator: Simulator, joints: Sequence[JointPort]) -> list[LinkEnd]:
     return found
 
 
-def _named(ends: Sequence[LinkEnd], name: str) -> LinkEnd:
+def _named(ends: Sequence[LinkEnd], name: str, simulator: Simulator) -> LinkEnd:
     for end in ends:
         if name in (end.port, end.state, end.across):
             return end
     known = ", ".join(end.port for end in ends) or "there is none"
+    for port in simulator.ports:
+        if port.name == name and port.kind == "joint":
+            raise UnknownOptionError(
+                f"{why_left_out(port)} Nothing can act between it and another port.", f"one of {known}",
+                "Log one of them, correct the joint, or take the ends away.",
+            )  # fmt: skip
     raise UnknownOptionError(
         f"{name!r} is not a joint or chamber of the simulator.", f"one of {known}", "Correct the ends."
     )
@@ -218,7 +224,7 @@ def _said(
     simulator: Simulator, b: Between, ends: Sequence[LinkEnd], known: Slopes | None,
     levers: Mapping[tuple[str, ...], Lever],
 ) -> Link:  # fmt: skip
-    first, second = _named(ends, b.first), _named(ends, b.second)
+    first, second = (_named(ends, name, simulator) for name in (b.first, b.second))
     if first.domain != second.domain or first == second:
         raise ParameterError(
             f"{b.first} and {b.second} store different quantities ({first.unit} and {second.unit}).",

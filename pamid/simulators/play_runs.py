@@ -10,7 +10,7 @@ from ..effects import Effect
 from .base import Simulator
 from .integrate import Runner
 from .placement import Placement
-from .structure import JointPort
+from .structure import JointPort, speed_name
 
 ROUNDS = 20
 """Most runs until forces that depend on what a whole run reads agree with it."""
@@ -67,6 +67,7 @@ def _followed(
     """Return the outputs of a simulator of whole runs, or of one without states; forces there follow what is read."""
     dt, start, forces = float(t[1] - t[0]), np.array([0]), [a for a in active if a[0].acts]
     paths = {f"{j.name}.path": j.velocity for j in joints if not j.position}
+    speeds = {j.velocity: j.position for j in joints if j.velocity == speed_name(j.name)}
     many, numbers = len(u), np.mean(p, axis=1)
 
     def outputs(pushed: np.ndarray) -> list[dict[str, np.ndarray]]:
@@ -83,6 +84,7 @@ def _followed(
         for r, one in enumerate(found):
             signals = {**dict(zip(simulator.inputs, u[r], strict=True)), **one}
             signals |= {path: np.cumsum(signals[v]) * dt for path, v in paths.items() if v in signals}
+            signals |= {v: np.gradient(signals[x], dt) for v, x in speeds.items() if x in signals}
             for place, made in forces:
                 s = place.signals(signals, t)
                 memory = made.trace(s, place.plant, dt * place.scales.time, start)

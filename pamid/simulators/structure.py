@@ -10,6 +10,7 @@ import numpy as np
 from ..errors import ParameterError
 from ..signals.units import UNITS
 from .base import Simulator
+from .ports import Port
 
 if TYPE_CHECKING:
     from .lever import Lever
@@ -68,6 +69,22 @@ def straight(simulator: Simulator, t: np.ndarray, x: np.ndarray, u: np.ndarray, 
     slope = moved(1.0) - base
     most = 0.37 * np.max(np.abs(slope), axis=1, keepdims=True)
     return bool(np.all(np.abs(moved(-0.37) - (base - 0.37 * slope)) <= 1e-6 * most + 1e-12))
+
+
+def speed_name(joint: str) -> str:
+    """Return the name of the speed of a joint that names none: its position's rate."""
+    return f"{joint}.speed"
+
+
+def why_left_out(joint: Port) -> str:
+    """Return why a joint that the user named is none where forces follow readings."""
+    if not joint.through:
+        return f"The joint '{joint.name}' names no input through which forces act there (through = INPUT)."
+    where = [f"{role} {name}" for role in ("position", "velocity") if (name := getattr(joint, role))]
+    return (
+        f"The joint '{joint.name}' has no reading: the log lacks its {' and its '.join(where)}."
+        if where else f"The joint '{joint.name}' names neither its position nor its velocity."
+    )  # fmt: skip
 
 
 def joints_of(

@@ -238,6 +238,9 @@ class Draft:
         names = [str(c) for c in self.table.frame.columns]
         if self.table.named and column in names:
             return names.index(column)
+        bare = [k for k, name in enumerate(names) if (read := read_header(name)).bracketed and read.bare == column]
+        if self.table.named and len(bare) == 1:
+            return bare[0]
         if column.isdigit() and int(column) < len(names):
             return int(column)
         if isinstance(self.table.head.get(column), int | float):

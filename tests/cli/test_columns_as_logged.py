@@ -184,6 +184,13 @@ def test_a_column_that_the_command_line_names_wins(
     assert np.array_equal(read["speed_a"], table["speed_b"])
 
 
+def test_a_column_is_named_without_its_unit(tmp_path: Path) -> None:
+    sim = page(tmp_path, EQUATIONS.replace("COLUMN", ', column = "speed_a"'))
+    table = {"time": T, "motor": np.cos(T), "speed_a [rpm]": 0 * T, "speed_b [rpm]": np.sin(T), "T": np.sin(T)}
+    read = drafted(tmp_path, table, "--sim", sim, "--signal", "w=speed_b")
+    assert read["speed_a"].to_numpy() == pytest.approx(np.pi / 30 * table["speed_b [rpm]"])
+
+
 def test_init_says_which_column_a_page_names_in_vain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = {"time": T, "motor": np.cos(T), "w": np.sin(T), "T": np.sin(T)}
     pd.DataFrame(table).to_csv(tmp_path / "log.csv", index=False)

@@ -39,6 +39,15 @@ def roots(t, x, u, p):
     return [x.v, math.sqrt(u.u) if u.u > 0.0 else u.u]
 
 
+def chosen(t, x, u, p):
+    """Return rates with branches on what functions of numpy and max make of numbers."""
+    opening = np.interp(u.u, [-1.0, 0.0, 1.0], [-0.5, 0.0, 1.0])
+    force = np.where(opening > 0.2, u.u, opening)
+    if opening < 0.0:
+        return [x.v, force]
+    return [x.v if max(force, x.x) > 1.0 else 0.0, force - p.k * x.x]
+
+
 def counted(t, x, u, p):
     """Return rates with a loop whose length depends on the state, within a guard that catches errors."""
     try:
@@ -60,7 +69,7 @@ def asked(function, n: int = N) -> tuple[FunctionSimulator, np.ndarray, np.ndarr
     return simulator, simulator.rate(t, x, u, p), np.concatenate(single, axis=1)
 
 
-@pytest.mark.parametrize("function", [friction, stops, roots, counted])
+@pytest.mark.parametrize("function", [friction, stops, roots, chosen, counted])
 def test_many_instants_at_once_are_what_each_is(function):
     simulator, many, single = asked(function)
     assert many == pytest.approx(single, rel=1e-12)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from enum import Enum
 from math import atan2 as turned
 
 import numpy as np
@@ -93,6 +95,100 @@ def test_a_number_is_still_known_as_one() -> None:
 def test_only_functions_that_ask_for_numbers_are_made_anew() -> None:
     assert elementwise(plain) is None and elementwise(counting) is None and elementwise(np.sin) is None
     assert elementwise(rooted).__name__ == "rooted"
+
+
+@dataclass(frozen=True)
+class Edge:
+    """A valve's edge, which is asked for in all the ways that classes have."""
+
+    width: float
+
+    @property
+    def slope(self):
+        return math.tan(self.width)
+
+    @staticmethod
+    def opening(w):
+        return max(-1.0, min(1.0, w))
+
+    @classmethod
+    def usual(cls):
+        return cls(math.pi / 5.0)
+
+
+class Part:
+    """What plants have in common."""
+
+    def level(self, h):
+        return math.sqrt(max(h, 0.0))
+
+
+class Plant(Part):
+    """A plant that is made of others."""
+
+    edge = Edge(0.3)
+
+    def __init__(self):
+        self.inner = Edge(0.4)
+        self.whole = self
+
+    def rates(self, t, x, u, p):
+        ASKED.append(1)
+        opening = self.edge.opening(x.w) * self.inner.slope + Edge.usual().slope
+        if opening < p.k * 0.3:
+            return [u.q - opening * self.level(x.h), x.w + USUAL.slope]
+        return [u.q, math.exp(-opening)]
+
+    __call__ = rates
+
+
+class Counted(Plant):
+    """One that answers something else each time."""
+
+    asked = 0
+
+    def rates(self, t, x, u, p):
+        self.asked += 1
+        return [self.asked + math.sin(x.h), x.w]
+
+
+class Way(Enum):
+    """A class that has no others of its kind."""
+
+    ON = 1
+
+    def times(self, x):
+        return self.value * math.cos(x)
+
+
+USUAL, PLANT = Edge.usual(), Plant()
+
+
+def of_objects(t, x, u, p):
+    return PLANT.rates(t, x, u, p)
+
+
+def by_name(t, x, u, p):
+    return [Way.ON.times(x.h), x.w]
+
+
+@pytest.mark.parametrize("function", [PLANT.rates, PLANT, of_objects])
+def test_what_a_function_uses_of_classes_and_objects_goes_element_by_element(function) -> None:
+    simulator, (t, x, u, p) = asked(function)
+    found = simulator.rate(t, x, u, p)
+    ASKED.clear()
+    assert np.array_equal(simulator.rate(t, x, u, p), found, equal_nan=True)
+    assert simulator.at_once and len(ASKED) <= 4  # three ways, one of them by the NaN
+    one_by_one = [np.ravel(simulator.rate(t[k : k + 1], x[:, [k]], u[:, [k]], p[:, [k]])) for k in range(50)]
+    assert np.allclose(found, np.transpose(one_by_one), equal_nan=True) and len(ASKED) >= 50
+    assert type(PLANT) is Plant and type(PLANT.inner) is Edge and math.sqrt is PLANT.level.__globals__["math"].sqrt
+
+
+@pytest.mark.parametrize("function", [Counted().rates, by_name])
+def test_what_cannot_be_made_anew_is_asked_one_by_one(function) -> None:
+    simulator, given = asked(function)
+    found = simulator.rate(*given)
+    assert not simulator.at_once and found.shape == (2, 50) and np.isfinite(found[:, :7]).all()
 
 
 @pytest.mark.parametrize("many", [1, 50])

@@ -84,3 +84,14 @@ def test_an_oven_radiates_and_does_not_overflow() -> None:
     found = diagnose_simulator(oven_log(lambda T: 8e-12 * (T**4 - 293.15**4)), oven)
     assert not any(c.effect.startswith(("overflow", "leakage")) for c in found.candidates)
     assert "heat_loss" in found.causes[0].effects
+
+
+def test_the_temperature_of_the_surroundings_is_found_between_far_ends() -> None:
+    """Most ends of its range are so far from a room's that a small loss there looks like another law."""
+    from pamid.effects.gas import HeatLoss
+    from pamid.gap.inference.sensitivity import grid
+
+    ambient = next(p for p in HeatLoss.parameters if p.name == "ambient")
+    points = np.array(grid(ambient, 2))
+    for room in (273.15, 293.15, 313.15):
+        assert np.min(np.abs(points - room)) <= 12.0

@@ -5,9 +5,12 @@ import pandas as pd
 import pytest
 
 from pamid.gap import diagnose_simulator
+from pamid.gap.residuals.states import resting_joints
 from pamid.gap.simulated import evidence_of
 from pamid.signals.ends import end_of
 from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.port_log import port_log
+from pamid.simulators.structure import JointPort
 
 DT, ROWS = 0.02, 500
 
@@ -128,3 +131,18 @@ def test_readings_that_repeat_now_and_then_show_their_end_by_standing_there_long
     rests = np.repeat(np.round(rng.standard_normal(200), 3), rng.integers(1, 3, 200))  # a motion that often waits
     rests = np.insert(rests, [50, 120, 200], rests[[50, 120, 200]])
     assert end_of(np.append(rests, rests[:-1]), [(0, 2 * len(rests) - 1)]) is None
+
+
+def test_a_sensor_at_its_end_is_no_joint_at_rest() -> None:
+    """Rows at rest are left out: with them the only ones that show the end would be, and there would be no gap."""
+    log = log_of()
+    end = float(log["x"].quantile(0.97))
+    clipped = log.assign(x=np.where(log["trajectory"] == "1", np.minimum(log["x"], end), log["x"])).drop(columns="v")
+    at_end = (clipped["x"] == end).to_numpy()
+    assert at_end.sum() > 10
+    joint = JointPort("x", "x", "v", "", "m/s2")
+    told = port_log(clipped, cart())
+    resting = resting_joints(told, [joint], {"x"}, 1)
+    assert not any(rows[at_end].any() for rows in resting.values())
+    held = clipped.assign(x=clipped["x"] + np.where(at_end, 1e-6 * np.random.default_rng(0).normal(size=len(log)), 0.0))
+    assert resting_joints(port_log(held, cart()), [joint], {"x"}, 1)["x"][at_end].any()

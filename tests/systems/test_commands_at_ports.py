@@ -108,7 +108,9 @@ def test_commands_take_every_kind_of_simulator(
         assert main([*argv, "--json", "--quiet"]) == 0, capsys.readouterr().err
         return json.loads(capsys.readouterr().out)
 
-    assert told("check", log, *given)["sampling"]["runs"] == 2
+    checked = told("check", log, *given)
+    units = {one["name"]: one["unit"] for one in checked["channels"]}
+    assert checked["sampling"]["runs"] == 2 and (kind != "equations" or units["v"] == "m/s")
     assert told("evaluate", log, *given)["equations"]
     if kind == "equations":  # what follows from an evaluation is of no kind of its own
         assert told("evaluate", log, *given, "--refit")["equations"]

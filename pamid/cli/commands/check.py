@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import shlex
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -65,11 +66,14 @@ def run(args: argparse.Namespace) -> int:
         check_folder(args.out, FILES, size=_ROOM)
     ported = _has_ports(args)
     simulator = None if ported else any_simulator_of(args)
-    log, doubts = _read(args, _own_units(args) if ported else {})
+    own = _own_units(args) if ported else {}
+    log, doubts = _read(args, own)
     with progress(args, "Looking"):
         found = survey(log, simulator)
     if ported:
         _leave_out_muscles(found)
+        units = {name: unit for name, unit in own.items() if unit != "-"}
+        found.channels[:] = [replace(c, unit=c.unit or units.get(c.name, "")) for c in found.channels]
         doubts += _port_doubts(args, log)
     found.warnings[:0] = doubts
     files = _write(args, found, log)

@@ -13,10 +13,11 @@ above the bar at which at most one in twenty of the names reported on such logs 
 
 The simulators of those benches are correct but for the causes. Any other model may be wrong in several small ways at
 once, so that something always exceeds the noise. As the two cannot be distinguished, names are also reported where
-they close more than they leave in the equations that they change, also without causes that are not trusted; or of the
-whole gap, where these equations show none beyond the noise. With this share c the probability is
+they halve the error beyond the noise in the equations that they change, also without causes that are not trusted; or in
+all, where these equations show none. With the share c of its square that they close the probability is
 
-.. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr),
+.. math:: p' = \max\bigl(\tfrac12, \tfrac12 (p + c)\bigr) \quad\text{if } 1 - c \le \tfrac14, \qquad
+    p' = \tfrac12 c \quad\text{otherwise},
 
 and always with reservations where they explain less than a twentieth of the gap in their equation, or where the causes
 beside them undo most of what they change, or most of it in some equation. A cause of whatever probability is named with
@@ -30,7 +31,7 @@ https://doi.org/10.48550/arXiv.2208.02814
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import log
+from math import log, sqrt
 
 from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
@@ -93,8 +94,9 @@ def trust(
         score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
         probability = float(expit(score))
         if not competition.evidence.exact:
-            closed = 1.0 - signs["left_where_it_acts"]
-            probability = max(TRUSTED, 0.5 * (probability + closed)) if closed >= TRUSTED else closed
+            left = signs["left_where_it_acts"]
+            halved = sqrt(left) <= TRUSTED
+            probability = max(TRUSTED, 0.5 * (probability + 1.0 - left)) if halved else 0.5 * (1.0 - left)
         # In such a model no small further cause is told from what the forms of the others lack, nor one that they undo:
         # then two wrong forms may differ by the right one.
         small, undone = signs["faint"] > -0.25 * log(OF_ITS_OWN), signs["undone"] ** 2 > 0.5  # of the sum of squares

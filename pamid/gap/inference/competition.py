@@ -11,7 +11,7 @@ from ..settings import CERTAIN, CLASS, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CA
 from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
-from .sensitivity import POINTS, Template, grid, has_form, law_of
+from .sensitivity import POINTS, Template, grid, has_form, law_of, root_of
 from .so_far import INTERRUPTED, causes_so_far, in_words, stopped
 from .subsets import Subset, Subsets
 
@@ -194,6 +194,7 @@ class Competition(FirstOrder):
             # One in the place of a cause may turn out to be the better one.
             least = self._ranked(best)[1]
             better = max([best, *(h for h in self._done.values() if h.score > least)], key=self._ranked)
+            better = self._plainest(better)
             if better is best or not left:
                 break
             best = better
@@ -201,6 +202,12 @@ class Competition(FirstOrder):
             best = certain
             alternatives = {name: self._alternatives(best, name) for name in best.fit.spec}
         return best, alternatives
+
+    def _plainest(self, best: Hypothesis) -> Hypothesis:
+        """Return of the sets that are as likely as one, since their forms may be inexact, the one that fits best."""
+        own, score = self._ranked(best)
+        alike = [h for h in self._done.values() if len(h.names) == len(best.names) and h.plain > best.plain + CLASS]
+        return max([best, *(h for h in alike if self._ranked(h) > (own, score - CLASS))], key=lambda h: h.plain)
 
     def _restarted(self, best: Hypothesis) -> Hypothesis:
         """Return a set refitted from nearby points of the fine grids: between some of them an effect turns its sign."""
@@ -337,7 +344,7 @@ class Competition(FirstOrder):
     ) -> list[Hypothesis]:
         """Refit the most promising sets of `_neighbours`, given some subsets."""
         keep = [name for name in at.fit.spec if name not in out]
-        there = set(map(law_of, keep))
+        there = set(map(self._root, keep))
         nothing = about.fit(())
         gains = about.gains(nothing)
         place: dict[str, int] = {}
@@ -351,7 +358,7 @@ class Competition(FirstOrder):
         for net in (promised, kept):
             own = max((net[name] for name in out if name in net), default=0.0)
             allowed = margin * (CLOSE + CLOSE_SHARE * max(own, 0.0)) if at.fit.spec else 0.0
-            near |= {n for n in net if net[n] > own - allowed and law_of(n) not in there} - known - set(at.fit.spec)
+            near |= {n for n in net if net[n] > own - allowed and self._root(n) not in there} - known - set(at.fit.spec)
         found = []
         for name in sorted(near, key=lambda n: (-kept[n], n))[:most]:
             if self.evidence.bends and frozenset({*keep, name}) in self._done:
@@ -360,6 +367,9 @@ class Competition(FirstOrder):
             self.say(f"refit with {in_words(name)}")
             found.append(self._refitted(about, about.fit((place[name],)), at, keep, self._far_behind(at)))
         return found
+
+    def _root(self, name: str) -> str:
+        return root_of(name, self.evidence.effects[name])
 
     def _far_behind(self, at: Hypothesis) -> float:
         """Return the log-likelihood below which sets are dropped, once linearised at their start, beside another."""

@@ -50,6 +50,11 @@ class Template:
         return self.kind.family if self.kind is not None else ""
 
     @property
+    def root(self) -> str:
+        """The law that the effect is, or extends, at its place."""
+        return root_of(self.effect, self.kind)
+
+    @property
     def inexact(self) -> bool:
         """Whether the effect has a form that may be inexact."""
         return self.kind is not None and has_form(self.kind)
@@ -144,6 +149,12 @@ _CONSTITUTIVE = {"force", "flow", "command", "supply", "valve", "torque"}
 def law_of(name: str) -> str:
     """Return an effect's name without the form of its law, which stands in brackets."""
     return re.sub(r" \([^)]*\)", "", name)
+
+
+def root_of(name: str, effect: type[Effect] | None) -> str:
+    """Return the law that an effect is, or extends, at its place: a set has it once."""
+    law, at, place = law_of(name).partition("@")
+    return f"{effect.extends if effect is not None and effect.extends else law}{at}{place}"
 
 
 def has_form(effect: type[Effect]) -> bool:

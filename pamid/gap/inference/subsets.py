@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..settings import KEPT, OF_ITS_OWN
-from .sensitivity import Template, law_of
+from .sensitivity import Template
 from .student_t import bounded
 
 ROUNDS = 4
@@ -267,17 +267,24 @@ class Subsets:
         best: dict[frozenset[str], tuple[float, Subset, int]] = {}
         for parent in [*beam, *self._elsewhere(beam)]:
             gains, names, own = self.gains(parent), self._names(parent.templates), set[str]()
-            there = set(map(law_of, names))  # of two forms of one law, a set has one
+            there = {self.library[t].root for t in parent.templates}  # of two forms of one law, a set has one
             for t in np.argsort(-gains, kind="stable"):
                 effect = self.library[t].effect
-                if effect in own or law_of(effect) in there:
+                if effect in own or self.library[t].root in there:
                     continue
                 own.add(effect)
                 promised = parent.score + float(gains[t]) - self.cost[effect]
                 if names | {effect} not in best or promised > best[names | {effect}][0]:
                     best[names | {effect}] = promised, parent, int(t)
         ranked = sorted(best.values(), key=lambda found: -found[0])
-        return [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+        found = [(parent, t) for _, parent, t in ranked[: len(self._effects) if not beam[0].templates else 2 * KEPT**2]]
+        return found + self._both_ways(beam) if len(beam[0].templates) == 1 else found
+
+    def _both_ways(self, singles: Sequence[Subset]) -> list[tuple[Subset, int]]:
+        """Return the pairs of the best single effects, from either: tolerances fitted to one may hide the other."""
+        best = sorted(singles, key=lambda s: -s.score)[: 2 * KEPT]
+        roots = {s.templates[0]: self.library[s.templates[0]].root for s in best}
+        return [(s, t) for s in best for t in roots if roots[t] != roots[s.templates[0]]]
 
     def _elsewhere(self, beam: Sequence[Subset]) -> list[Subset]:
         """Return single effects at other points of their grids: beside others, one may be larger than by itself."""

@@ -24,13 +24,12 @@ from .response import Drive, Response
 from .segments import Segment
 from .states import integral
 from .stretches import FOLLOWS, StretchEvidence
+from .superposed import Superposed
 from .window_noise import REPLICATES
 
 _PARTS = 10  # of a step, where a run goes with inputs in lines: the fastest states miss a twentieth of a step
 MOST_RUNS = 200
 """Runs that are kept for the case that they are asked for again."""
-ALREADY = 0.03
-"""Share of a change of inputs or parameters that may be new for its response to follow from those that are known."""
 MOST_RESPONSES = 6
 """The same of what runs respond to small changes."""
 MOST_STATES = 12
@@ -60,9 +59,11 @@ class PredictedEvidence(StretchEvidence):
         """The latest states along the log, by the kind of change."""
         self._begins = np.zeros((0, 0, 0))
         """Sensitivities of predictions to initial states, shape (n_states, n_shown, n)."""
+        self._read_speeds: dict[str, np.ndarray] = {}
+        """Speeds of joints of which a log of readings holds the positions alone."""
         self._growths: Remembered[np.ndarray] = Remembered(MOST_RUNS)
         self._jumped: Remembered[tuple[np.ndarray, np.ndarray]] = Remembered(REPLICATES)
-        self._done: dict[bytes, list[tuple[list[np.ndarray], np.ndarray]]] = {}
+        self._done: dict[bytes, tuple[list[Superposed], list[np.ndarray]]] = {}
 
     def _asks_anew(self, deviations: Mapping[str, float]) -> dict[str, float]:
         """Return all deviations: initial states are fitted to each again."""
@@ -127,7 +128,7 @@ class PredictedEvidence(StretchEvidence):
 
     def _force(self, place: Placement, made: Effect) -> np.ndarray:
         """Return what an effect adds to an input along the log."""
-        log, found = self.log, dict(self.log.channels)
+        log, found = self.log, dict(self.log.channels) | self._read_speeds
         for name in place.sources() - set(found):
             found[name] = integral(found[self.speeds[name]], log)
         if place.link is not None:
@@ -336,7 +337,8 @@ class PredictedEvidence(StretchEvidence):
         known = self._ran(x0, base.u, base.p)
         # Where tolerances are wide or numbers far off, responses at other values do not hold at these.
         elsewhere = self.curved or _far(base.p[:, 0], self.simulator.numbers)
-        done = self._done.setdefault(base.p[:, 0].tobytes() if elsewhere else b"", [])
+        there = base.p[:, 0].tobytes() if elsewhere else b""
+        done, responses = self._done.setdefault(there, ([Superposed() for _ in self.stretches], []))
         spread = np.array([np.ptp(u) or 1.0 for u in self._u])[:, None]
         size = np.array([abs(v) or 1.0 for v in self.simulator.numbers])
         changes = []
@@ -353,22 +355,19 @@ class PredictedEvidence(StretchEvidence):
         for k, (s, change) in enumerate(zip(self.stretches, changes, strict=True)):
             if not np.any(change):
                 continue
-            if not done:
+            known_as = done[k].shares(change, max(float(np.linalg.norm(change)), 0.1 * most))
+            if known_as is None:
                 break
-            columns, at = np.stack([w[k] for w, _ in done], axis=1), slice(s.first, s.stop)
-            share = np.linalg.lstsq(columns, change, rcond=1e-6)[0]
-            wanted = max(float(np.linalg.norm(change)), 0.1 * most)
-            # Known responses that nearly cancel would leave more of their errors than there is to know.
-            cancelled = ALREADY * float(np.abs(share) @ np.linalg.norm(columns, axis=0)) > wanted
-            if cancelled or np.linalg.norm(change - columns @ share) > ALREADY * wanted:
-                break
-            found[:, at] += np.tensordot(share, np.stack([y[:, at] for _, y in done]), axes=1)
+            for share, number in zip(*known_as, strict=True):
+                found[:, s.first : s.stop] += share * responses[number][:, s.first : s.stop]
         else:
             return found
         rows = self._ran(x0, drive.u, drive.p)
         response = (rows - known) / most
         if np.all(np.isfinite(response)):  # no other can be superposed of one that failed
-            done.append(([c / most for c in changes], response))
+            for own, change in zip(done, changes, strict=True):
+                own.add(change / most, len(responses))
+            responses.append(response)
         return rows
 
     def _slopes(self, x0: np.ndarray, numbers: np.ndarray | None = None, active: Active | None = None) -> np.ndarray:

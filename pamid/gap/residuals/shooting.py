@@ -29,7 +29,7 @@ from ...simulators.base import Simulator
 from ...simulators.integrate import side_by_side, substeps_for
 from ...simulators.port_log import PortLog
 from ...simulators.sizes import SignalSizes
-from ...simulators.structure import JointPort, fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
+from ...simulators.structure import fed_by, joints_of, kinematic_pairs, pushes_of, some_instants
 from ..settings import DECIDED, EXCESS
 from .between_rows import SEMI_IMPLICIT, STEPS, WHOLE, needed, timings
 from .influence import Influence
@@ -38,7 +38,7 @@ from .predictions import MOST_RUNS, PredictedEvidence, named
 from .protocol import Active, Spec
 from .response import Drive
 from .segments import SHORTEST, cut
-from .states import integral, roles_of
+from .states import integral, read_joints, roles_of
 from .stretches import ROUNDS, StretchEvidence
 from .tolerances import rms, typical
 from .window_length import LEAST_WINDOWS, longest_window, no_windows
@@ -139,8 +139,7 @@ class ShootingEvidence(PredictedEvidence):
         simulator, log = self.simulator, self.log
         self._states = np.zeros((len(simulator.states), log.n))
         if simulator.form != "ode":
-            read = [p for p in simulator.ports if p.kind == "joint" and p.through and p.velocity in log.channels]
-            self.joints = [JointPort(p.name, p.position, p.velocity, p.through, p.unit) for p in read]
+            self.joints, self._read_speeds = read_joints(simulator, log)
             return
         p = np.repeat(simulator.numbers[:, None], log.n, axis=1)
         # A window's noise is that of a mean, while errors of integration do not average out in it.
@@ -478,7 +477,7 @@ class ShootingEvidence(PredictedEvidence):
 
     def signals(self) -> dict[str, np.ndarray]:
         """Return all signals at each row of the log, by name."""
-        found = dict(zip(self.simulator.inputs, self._u, strict=True)) | dict(self.log.channels)
+        found = dict(zip(self.simulator.inputs, self._u, strict=True)) | dict(self.log.channels) | self._read_speeds
         for k, state in enumerate(self.simulator.states):
             if state not in found and self.simulator.form == "ode":
                 found[state] = self._states[k]

@@ -7,10 +7,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from ...signals import differentiate
+from ...signals.ends import end_of
 from ...signals.resting import resting_rows
 from ...simulators.base import Simulator
 from ...simulators.port_log import PortLog
-from ...simulators.structure import JointPort, kinematic_pairs, some_instants, spread_numbers
+from ...simulators.structure import JointPort, kinematic_pairs, some_instants, speed_name, spread_numbers
 
 LEAST_MOVING = 20
 """Windows of motion that a joint must have for those at rest to be left out: the logs of
@@ -87,6 +89,24 @@ def roles_of(simulator: Simulator, joints: Sequence[JointPort], equation: str) -
     return {k: v for k, v in found.items() if v}
 
 
+def read_joints(simulator: Simulator, log: PortLog) -> tuple[list[JointPort], dict[str, np.ndarray]]:
+    """Return the joints of a simulator of readings, and the speeds of those of which the log holds positions alone.
+
+    Forces there are functions of what the log reads.
+    """
+    joints, speeds = list[JointPort](), dict[str, np.ndarray]()
+    for p in simulator.ports:
+        velocity = p.velocity if p.velocity in simulator.outputs else speed_name(p.name)
+        if p.kind != "joint" or not p.through or not {p.position, velocity} & log.channels.keys():
+            continue
+        if velocity not in log.channels:
+            x = log.channels[p.position]
+            runs = [differentiate(x[a:b], log.t[a:b], warn=False)[1] for a, b in log.spans]
+            speeds[velocity] = np.concatenate(runs)
+        joints.append(JointPort(p.name, p.position, velocity, p.through, p.unit))
+    return joints, speeds
+
+
 def integral(v: np.ndarray, log: PortLog, starts: np.ndarray | None = None) -> np.ndarray:
     """Return the path of a speed along each run, or from each of some rows on."""
     out = np.zeros(log.n)
@@ -101,7 +121,10 @@ def resting_joints(log: PortLog, joints: Sequence[JointPort], tested: set[str], 
     codes = np.repeat(np.arange(len(log.spans)), [e - a for a, e in log.spans])
     for joint in joints:
         if joint.position in log.channels and joint.name in tested:
-            rows = resting_rows(log.channels[joint.position], log.dt, codes)
+            x = log.channels[joint.position]
+            end = end_of(x, log.spans)
+            rows = resting_rows(x, log.dt, codes)
+            rows = rows if end is None else rows & ~end.rows  # there the sensor stands still, not the joint
             if rows.any() and np.sum(~rows) >= LEAST_MOVING * n:
                 found[joint.name] = rows
     return found
