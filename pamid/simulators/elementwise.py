@@ -122,11 +122,11 @@ def elementwise(function: Callable[..., Any], or_nan: bool = False) -> Callable[
     for none of these. With `or_nan` functions of math that have no value at some instant are NaN there, unless an
     error is caught.
     """
-    if not isinstance(function, (FunctionType, MethodType)):
-        function = getattr(function, "__call__", function)  # noqa: B004 - the method, of an object that has one
-    if not isinstance(getattr(function, "__func__", function), FunctionType):
+    known = FunctionType, MethodType
+    asked_for = function if isinstance(function, known) else getattr(function, "__call__", None)  # noqa: B004 - its own
+    if not isinstance(asked_for, known) or not isinstance(getattr(asked_for, "__func__", asked_for), FunctionType):
         return None
-    used = Used(function)
+    used = Used(asked_for)
     if used.keeps_count or (or_nan and any(code.co_exceptiontable for code in used.codes)):
         return None
     found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in used.around}

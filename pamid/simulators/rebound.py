@@ -16,7 +16,8 @@ class Used:
 
     def __init__(self, function: FunctionType | MethodType) -> None:
         self.function = function
-        self.around: dict[str, Any] = function.__globals__
+        plain = function.__func__ if isinstance(function, MethodType) else function
+        self.around: dict[str, Any] = plain.__globals__
         self.codes: list[CodeType] = []
         """The code of all of them."""
         self._own: dict[str, Any] = {}
