@@ -46,13 +46,15 @@ def _lacks_joint(evidence: PortEvidence) -> bool:
     known = port_effects()
     placed = {known[p.name][0] for p in evidence.placements.values() if p.name in known}
     read = [p for p in evidence.simulator.ports if p.kind in ("output", "state")]
-    if any(p.kind == "joint" for p in evidence.simulator.ports):
+    if _left_out(evidence):
         return False  # each says why it is none
     return "joint" not in placed and not evidence.joints and any(dimension(p.unit) in MOVES for p in read)
 
 
 def _left_out(evidence: PortEvidence) -> list[str]:
     """Return a note on each joint that the user named, and that is none here."""
+    if evidence.simulator.form != "run":
+        return []
     known, named = {j.name for j in evidence.joints}, [p for p in evidence.simulator.ports if p.kind == "joint"]
     return [f"{why_left_out(p)} Friction and play are not tested there." for p in named if p.name not in known]
 
