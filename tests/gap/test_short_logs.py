@@ -9,6 +9,7 @@ import pytest
 
 from pamid.gap.diagnosis.signs import _Told
 from pamid.gap.inference.significance import excess, noise_error
+from pamid.gap.residuals.choice import sign_may_be_lost
 
 
 def _p_value(rows: int, times: float) -> float:
@@ -35,3 +36,13 @@ def test_what_is_less_than_the_noises_own_error_is_not_left_by_a_cause(exact, ti
     told.unsure = 0.0 if exact else noise_error(SimpleNamespace(rows=2000))
     z = np.random.default_rng(1).standard_normal(2000)
     assert (told._excess(times * z / np.sqrt(np.mean(np.square(z)))) > 0.0) == left
+
+
+@pytest.mark.parametrize("rows", [1, 5, 12, 40])
+def test_a_sign_is_looked_for_no_farther_than_a_log_reaches(rows: int) -> None:
+    log = SimpleNamespace(n=rows, channels={"x": np.linspace(1.0, 0.5, rows)}, dt=0.01, run=np.zeros(rows, int))
+    simulator, rates = SimpleNamespace(states=("x",)), np.zeros((1, 2 * rows))
+    found = SimpleNamespace(log=log, simulator=simulator, modelled=rates, channel_noise=lambda _: 0.01)
+    assert not sign_may_be_lost(found)  # type: ignore[arg-type]
+    found.modelled[:] = -200.0
+    assert sign_may_be_lost(found)  # type: ignore[arg-type]

@@ -174,7 +174,7 @@ def sign_may_be_lost(found: DirectEvidence) -> bool:
         if x is None or np.min(x) < (least := -BELOW * found.channel_noise(name)):
             continue
         way = np.concatenate([[0.0], np.cumsum(rate[: log.n]) * log.dt])
-        for rows in range(1, AHEAD + 1):
+        for rows in range(1, min(AHEAD, log.n) + 1):
             below = x[: log.n + 1 - rows] + way[rows:] - way[:-rows] < least
             if np.any(below & (log.run[: log.n + 1 - rows] == log.run[rows - 1 :])):
                 return True
