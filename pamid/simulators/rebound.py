@@ -132,9 +132,12 @@ class _Anew:
         except Exception:  # whatever a user's class does when it is copied
             return value
         self._done[id(value)] = twin
-        for name, part in list(getattr(twin, "__dict__", {}).items()):
-            if not isinstance(part, type) and self._used.has(type(part)):
-                object.__setattr__(twin, name, self.of(part))
+        held = getattr(value, "__dict__", {})
+        parts = {k: v for k, v in held.items() if not isinstance(v, type) and self._used.has(type(v))}
+        if held and not parts:  # what is set on the one later holds for the other
+            object.__setattr__(twin, "__dict__", held)
+        for name, part in parts.items():
+            object.__setattr__(twin, name, self.of(part))
         return twin
 
 

@@ -184,6 +184,21 @@ def test_what_a_function_uses_of_classes_and_objects_goes_element_by_element(fun
     assert type(PLANT) is Plant and type(PLANT.inner) is Edge and math.sqrt is PLANT.level.__globals__["math"].sqrt
 
 
+def test_what_is_set_on_an_object_later_holds_at_many_instants_too() -> None:
+    class Gain:
+        k = 1.0
+
+        def rates(self, t, x, u, p):
+            return [self.k * math.sin(x.h), x.w]
+
+    gain = Gain()
+    gain.k = 2.0
+    simulator, given = asked(gain.rates)
+    before = simulator.rate(*given)
+    gain.k = 3.0
+    assert simulator.at_once and np.allclose(simulator.rate(*given)[0], 1.5 * before[0], equal_nan=True)
+
+
 @pytest.mark.parametrize("function", [Counted().rates, by_name])
 def test_what_cannot_be_made_anew_is_asked_one_by_one(function) -> None:
     simulator, given = asked(function)
