@@ -11,7 +11,7 @@ import itertools
 import os
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -354,17 +354,16 @@ def _load_file(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(f"pamid_simulator_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise SimulatorNotFoundError(f"{path} is not a Python file.", "a file that ends in .py", "Check the path.")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)  # a dataclass looks its module up there
+    with _on_path(path.parent):
+        spec.loader.exec_module(module)
     return module
 
 
 def _load_module(name: str, folder: Path | None) -> Any:
-    added = str(folder) if folder is not None else ""
-    if added:
-        sys.path.insert(0, added)
     try:
-        return importlib.import_module(name)
+        with _on_path(folder):
+            return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
             raise SimulatorNotFoundError(
@@ -373,9 +372,18 @@ def _load_module(name: str, folder: Path | None) -> Any:
                 "Check the name.",
             ) from None
         raise
+
+
+@contextlib.contextmanager
+def _on_path(folder: Path | None) -> Iterator[None]:
+    """Let modules import those beside them, as a script does."""
+    added = [] if folder is None else [str(folder)]
+    sys.path[:0] = added
+    try:
+        yield
     finally:
-        if added:
-            sys.path.remove(added)
+        for one in added:
+            sys.path.remove(one)
 
 
 def _arguments(function: Callable[..., Any]) -> list[str]:
