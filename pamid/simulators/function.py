@@ -376,7 +376,7 @@ def _load_module(name: str, folder: Path | None) -> Any:
 
 @contextlib.contextmanager
 def _on_path(folder: Path | None) -> Iterator[None]:
-    """Let modules import those beside them, as a script does."""
+    """Put a folder on the path for a while, so that modules import those beside them, as scripts do."""
     added = [] if folder is None else [str(folder)]
     sys.path[:0] = added
     try:

@@ -220,13 +220,14 @@ class _Anew:
         """Return an object of the class made anew that shares what the other holds; itself where there is none."""
         kind = self.of(type(value))
         frozen = getattr(getattr(value, "__dataclass_params__", None), "frozen", isinstance(value, tuple))
-        if kind is type(value) or not (frozen or hasattr(value, "__dict__")):
+        held = getattr(value, "__dict__", None)
+        if kind is type(value) or not (frozen or held is not None):
             return value
         try:
             twin = copy.copy(value)
             object.__setattr__(twin, "__class__", kind)
-            if hasattr(value, "__dict__"):  # what is set on the one later holds for the other
-                object.__setattr__(twin, "__dict__", value.__dict__)
+            if held is not None:  # what is set on the one later holds for the other
+                object.__setattr__(twin, "__dict__", held)
         except Exception:  # whatever a user's class does when it is copied
             return value
         return self._keep(value, twin)
@@ -236,7 +237,8 @@ class _Module:
     """A module of the user's, its values made anew."""
 
     def __init__(self, module: ModuleType, anew: _Anew) -> None:
-        self.__dict__.update(_module=module, _anew=anew)
+        for name, value in (("_module", module), ("_anew", anew)):
+            object.__setattr__(self, name, value)
 
     def __getattr__(self, name: str) -> Any:
         return self._anew.of(getattr(self._module, name))

@@ -64,6 +64,8 @@ class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
     simulates = True
+    longer: ShootingEvidence | None = None
+    """The same over longer stretches, of which noise of inputs explains more."""
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
