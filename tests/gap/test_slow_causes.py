@@ -13,7 +13,7 @@ TANK = EquationSimulator(
         "dT/dt": "(P*heater + UA*(Tj - T) - 50*(T - 18))/C",
         "dTj/dt": "(400*valve/100*(82 - Tj) - UA*(Tj - T) - 6*(Tj - 22))/Cj",
     },
-    [Port("valve", "input", "%"), Port("heater", "input", "-"), Port("T", "state", "degC"), Port("Tj", "state", "degC")],
+    [Port("valve", "input", "%"), Port("heater", "input", "-"), *(Port(n, "state", "degC") for n in ("T", "Tj"))],
     {"P": (3000.0, 0.03, "W"), "UA": (420.0, 0.05, "W/K"), "C": (1.05e5, 0.03, "J/K"), "Cj": (2.4e4, 0.05, "J/K")},
 )
 
