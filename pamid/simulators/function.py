@@ -155,6 +155,9 @@ class FunctionSimulator(Simulator):
             if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
                 fast = self._fast[what] = True
                 self._each[what] = each
+            elif each is not None:  # what a function keeps of its last call is a number again
+                with contextlib.suppress(PamidError):
+                    at(0)
         if fast and (what not in self._branches or n > _WORTH * (self._branches[what].fewest - 1)):
             answer = self._for_all(what, names, function, t, arguments)
             if answer is not None:
@@ -186,10 +189,11 @@ class FunctionSimulator(Simulator):
         try:
             return asked(self._each.get(what, function))
         except SimulatorRunError as error:
-            if isinstance(error.__cause__, TypeError):  # a branch that was not asked before takes one instant at a time
-                self._fast[what] = False
+            no_value, anew = has_no_value(error.__cause__), what in self._each
+            if isinstance(error.__cause__, TypeError) or (anew and not no_value):
+                self._fast[what] = False  # a branch that was not asked before takes one instant at a time
                 return None
-            if not has_no_value(error.__cause__):
+            if not no_value:
                 raise
             self.undefined, each = str(error.found), elementwise(function, or_nan=True)
             return None if each is None else asked(each)
