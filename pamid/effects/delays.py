@@ -48,7 +48,7 @@ class TransportDelay(_Delay, OfCommand):
     name = "transport_delay"
     source = "10.1115/1.1286336"
     smooth = False
-    delay = parameter("s", 0.0, 0.2, 0.008, "time from the command to its effect")
+    delay = parameter("s", 0.0, 1.0, 0.008, "time from the command to its effect")
 
 
 class AngleDelay(_Delay, OfAngle):
@@ -59,7 +59,7 @@ class AngleDelay(_Delay, OfAngle):
 
     name = "angle_delay"
     smooth = True
-    delay = parameter("s", 0.0, 0.2, 0.005, "age of the reading")
+    delay = parameter("s", 0.0, 1.0, 0.005, "age of the reading")
 
     def restore(self, reading: Array, dt: float, starts: Array) -> Array:
         """Return the readings moved back in time."""

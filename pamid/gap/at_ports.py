@@ -101,7 +101,19 @@ def diagnose_at_ports(
         say(f"again, with inputs {'interpolated between rows' if other.lines else 'held over each step'}")
         return diagnose_evidence(other, effects, seed, say, change, added(evidence, found))
 
-    for again in (with_noise_of_inputs, with_inputs_otherwise):
+    def over_longer_stretches() -> Judged:
+        longer = judged.evidence.longer if isinstance(judged.evidence, ShootingEvidence) else None
+        if longer is None or not found.added:
+            return judged
+        spec = added(judged.evidence, found)
+        longer.hear_inputs(Fitter(longer).refine(spec))
+        if not longer.beyond_inputs:
+            return judged
+        say("again, over longer stretches, in which more is left than noise of the inputs explains")
+        there = diagnose_evidence(longer, effects, seed, say, change, spec)
+        return there if spec.keys() <= added(longer, there.found).keys() else judged
+
+    for again in (with_noise_of_inputs, with_inputs_otherwise, over_longer_stretches):
         if not found.interrupted:  # who interrupted the search waits for no other
             judged = unless_stopped(again, cut)
             found = judged.found

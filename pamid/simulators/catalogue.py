@@ -143,8 +143,10 @@ def _at_inputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]
         place = PortPlace(port.name, "input", "input", port.name, scales, port.unit, port.unit, reach=reach)
         turns = survey.turns(port.name)
         for name, effect in _effects_at("input"):
-            simple = [p.name for p in effect.parameters if (p.share and p.nominal == 0.0) or (p.skew and not turns)]
-            yield place.placed(name, effect, tuple(simple))
+            more = [p.name for p in effect.parameters if p.share and not p.nominal]
+            simple = [p.name for p in effect.parameters if p.skew and not turns]
+            # What follows with a lag may swing, too.
+            yield place.placed(name, effect, (*simple, *(() if effect.n_states else more)))
 
 
 def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement]:
@@ -160,7 +162,7 @@ def _at_outputs(simulator: Simulator, survey: SignalSizes) -> Iterator[Placement
             port, "output", "output", port, scales, unit, unit, reach=reach, least=least, range_of=span / scales.target,
             turn=_turn(unit) / scales.target,
         )  # fmt: skip
-        way = _dimension(unit) == "angle" or port in positions
+        way = _dimension(unit) in ("angle", "length") or port in positions
         for name, effect in _effects_at("output"):
             if issubclass(effect, PeriodicReading):
                 if way:  # what repeats does so along a way

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import builtins
 import functools
 import math
 import operator
 from collections.abc import Callable
-from types import BuiltinFunctionType, FunctionType, MethodType, SimpleNamespace
+from types import BuiltinFunctionType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -101,47 +100,55 @@ _AT_ONCE: dict[str, np.ufunc] = {
 """Functions of math that numpy has with the same values."""
 
 
-def _of_math(made: Callable[[Callable[..., Any]], Callable[..., Any]]) -> dict[Any, Any]:
-    """Return what takes the place of math and of its functions."""
+def _of_math(made: Callable[[Callable[..., Any]], Callable[..., Any]]) -> dict[int, Any]:
+    """Return what takes the place of math and of its functions, by the identity of what it replaces."""
     every = (value for value in vars(math).values() if isinstance(value, BuiltinFunctionType))
-    out = {value: _each(made(value), _AT_ONCE.get(value.__name__)) for value in every}
-    return {math: SimpleNamespace(**vars(math) | {value.__name__: each for value, each in out.items()}), **out}
+    out = {value.__name__: _each(made(value), _AT_ONCE.get(value.__name__)) for value in every}
+    by_identity = {id(getattr(math, name)): each for name, each in out.items()}
+    return {id(math): SimpleNamespace(**vars(math) | out), **by_identity}
 
 
 _MATH = {False: _of_math(lambda plain: plain), True: _of_math(_or_nan)}
 _BUILT_IN = {
-    "max": _largest(operator.gt, builtins.max), "min": _largest(operator.lt, builtins.min), "float": _Float,
+    id(max): _largest(operator.gt, max), id(min): _largest(operator.lt, min), id(float): _Float,
 }  # fmt: skip
 
 
-@functools.lru_cache(maxsize=64)
+class _Same:
+    """A function known by its identity: an object that is called may have no hash."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other.function is self.function
+
+    def __hash__(self) -> int:
+        return id(self.function)
+
+
 def elementwise(function: Callable[..., Any], or_nan: bool = False) -> Callable[..., Any] | None:
     """Return a function that takes arrays where max, min, float, math or numpy's matrices are those of an instant.
 
-    What it uses of its module is taken along. One that sets names of its module is left alone: None, as where it asks
-    for none of these. With `or_nan` functions of math that have no value at some instant are NaN there, unless an
-    error is caught.
+    What it uses of its user's modules is taken along. One that sets names outside of it is left alone: None, as where
+    it asks for none of these. With `or_nan` functions of math that have no value at some instant are NaN there, unless
+    an error is caught.
     """
-    known = FunctionType, MethodType
-    asked_for = function if isinstance(function, known) else getattr(function, "__call__", None)  # noqa: B004 - its own
-    if not isinstance(asked_for, known) or not isinstance(getattr(asked_for, "__func__", asked_for), FunctionType):
-        return None
-    used = Used(asked_for)
+    return _elementwise(_Same(function), or_nan)
+
+
+@functools.lru_cache(maxsize=64)
+def _elementwise(same: _Same, or_nan: bool) -> Callable[..., Any] | None:
+    used = Used(function := same.function)
     if used.keeps_count or (or_nan and any(code.co_exceptiontable for code in used.codes)):
         return None
-    found: dict[str, Any] = {name: value for name, value in _BUILT_IN.items() if name not in used.around}
-    for name, value in used.around.items():
-        if value is math or (isinstance(value, BuiltinFunctionType) and value in _MATH[or_nan]):
-            found[name] = _MATH[or_nan][value]
-    replaced, asked = set(matrices(1)), used.names
-    of_numpy = {name for name in asked & set(used.around) if id(used.around[name]) in replaced}
-    if not (of_numpy or asked & set(found)):
+    instead, of_numpy = _BUILT_IN | _MATH[or_nan], not used.values.keys().isdisjoint(matrices(1))
+    if not of_numpy and used.values.keys().isdisjoint(instead):
         return None
 
     @functools.lru_cache(maxsize=8)
     def made(n: int) -> Callable[..., Any]:
-        instead = matrices(n) if of_numpy else {}
-        return used.within({**found, **{name: instead[id(used.around[name])] for name in of_numpy}})
+        return used.within({**instead, **(matrices(n) if of_numpy else {})})
 
     if not of_numpy:
         return made(0)

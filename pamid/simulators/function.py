@@ -11,7 +11,7 @@ import itertools
 import os
 import sys
 import warnings
-from collections.abc import Callable, Mapping, Sequence, Sized
+from collections.abc import Callable, Iterator, Mapping, Sequence, Sized
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
@@ -155,6 +155,9 @@ class FunctionSimulator(Simulator):
             if each is not None and _agrees(at, functools.partial(at, function=each), n, len(names)):
                 fast = self._fast[what] = True
                 self._each[what] = each
+            elif each is not None:  # what a function keeps of its last call is a number again
+                with contextlib.suppress(PamidError):
+                    at(0)
         if fast and (what not in self._branches or n > _WORTH * (self._branches[what].fewest - 1)):
             answer = self._for_all(what, names, function, t, arguments)
             if answer is not None:
@@ -186,10 +189,11 @@ class FunctionSimulator(Simulator):
         try:
             return asked(self._each.get(what, function))
         except SimulatorRunError as error:
-            if isinstance(error.__cause__, TypeError):  # a branch that was not asked before takes one instant at a time
-                self._fast[what] = False
+            no_value, anew = has_no_value(error.__cause__), what in self._each
+            if isinstance(error.__cause__, TypeError) or (anew and not no_value):
+                self._fast[what] = False  # a branch that was not asked before takes one instant at a time
                 return None
-            if not has_no_value(error.__cause__):
+            if not no_value:
                 raise
             self.undefined, each = str(error.found), elementwise(function, or_nan=True)
             return None if each is None else asked(each)
@@ -354,17 +358,16 @@ def _load_file(path: Path) -> Any:
     spec = importlib.util.spec_from_file_location(f"pamid_simulator_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise SimulatorNotFoundError(f"{path} is not a Python file.", "a file that ends in .py", "Check the path.")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
+    sys.modules[spec.name] = module = importlib.util.module_from_spec(spec)  # a dataclass looks its module up there
+    with _on_path(path.parent):
+        spec.loader.exec_module(module)
     return module
 
 
 def _load_module(name: str, folder: Path | None) -> Any:
-    added = str(folder) if folder is not None else ""
-    if added:
-        sys.path.insert(0, added)
     try:
-        return importlib.import_module(name)
+        with _on_path(folder):
+            return importlib.import_module(name)
     except ModuleNotFoundError as error:
         if error.name and name.startswith(error.name):
             raise SimulatorNotFoundError(
@@ -373,9 +376,18 @@ def _load_module(name: str, folder: Path | None) -> Any:
                 "Check the name.",
             ) from None
         raise
+
+
+@contextlib.contextmanager
+def _on_path(folder: Path | None) -> Iterator[None]:
+    """Put a folder on the path for a while, so that modules import those beside them, as scripts do."""
+    added = [] if folder is None else [str(folder)]
+    sys.path[:0] = added
+    try:
+        yield
     finally:
-        if added:
-            sys.path.remove(added)
+        for one in added:
+            sys.path.remove(one)
 
 
 def _arguments(function: Callable[..., Any]) -> list[str]:

@@ -87,6 +87,9 @@ class _Matcher:
         self.ranges, self.driven = simulator.ranges(), simulator.driven()
         self.places, telling = places_of(ports, set(self.driven))
         self.columns = columns_of(list(frame), telling)
+        if simulator.form == "run":  # whose states are where it begins: hardly a log has a column for that
+            named = [any(is_named(place, c) for c in self.columns) for place in self.places]
+            self.places = [p for p, its in zip(self.places, named, strict=True) if its or p.port.kind != "state"]
         self.frame, self.t = frame, t
         self.left_over: set[str] = set()
         self.columns = self._by_motion()

@@ -214,8 +214,12 @@ class Values(np.ndarray):
         """Return the rows by name."""
         return dict(zip(values._names, np.asarray(values), strict=True))
 
-    def __array_wrap__(self, array: Any, context: Any = None, return_scalar: bool = False) -> Any:
-        return array[()] if return_scalar else array  # computed values have no names
+    def __array_ufunc__(self, ufunc: np.ufunc, method: str, *given: Any, **options: Any) -> Any:
+        """Return what is computed of the rows; computed values have no names."""
+        found = getattr(ufunc, method)(
+            *map(rows_of, given), **{k: tuple(map(rows_of, v)) if k == "out" else v for k, v in options.items()}
+        )
+        return options["out"][0] if options.get("out") and not isinstance(found, tuple) else found
 
     def __getitem__(self, key: Any) -> Any:
         if isinstance(key, str):
@@ -232,6 +236,11 @@ class Values(np.ndarray):
 
     def __iter__(self) -> Any:
         return iter(self._rows())
+
+
+def rows_of(value: Any) -> Any:
+    """Return values by name as the array that they are; anything else as it is."""
+    return value._rows() if isinstance(value, Values) else value
 
 
 @lru_cache(maxsize=256)

@@ -102,11 +102,11 @@ def joints_of(
                         f"Name the state that {name!r} reads: forces of a joint act along its states.",
                     )
             velocity, through = port.velocity or pairs.get(port.position, ""), port.through
-            unit = port.unit if port.unit != "-" or not through else simulator.port(through).unit
             if pushes.get((through, velocity), 1.0) < 0.0:  # a force along it would act against the motion it follows
-                through, unit = "", "-"
-            if unit == "-" and velocity:
-                unit = rate_unit(simulator, velocity)
+                through = ""
+            # Whatever unit it was given, what acts there is added to an input or to a rate.
+            acts = simulator.port(through).unit if through else rate_unit(simulator, velocity) if velocity else "-"
+            unit = acts if acts != "-" else port.unit
             found.append(JointPort(port.name, port.position, velocity, through, unit))
     declared, known = len(found), {j.position for j in found} | {j.velocity for j in found}
     taken = {j.through for j in found}

@@ -170,9 +170,9 @@ def _channel_warnings(c: Channel) -> list[str]:
     if c.frozen > 0:
         found.append(f"{c.name} stays at one value for long while others move in {100 * c.frozen:.3g} % of the rows.")
     if c.clipped:
-        end = {"low": "lower end", "high": "upper end", "both": "both ends"}[c.clipped]
+        end = {"low": "the lower end", "high": "the upper end", "both": "both ends"}[c.clipped]
         found.append(
-            f"{c.name} piles up at the {end} of its range: it looks clipped. Either the sensor saturates there, or "
+            f"{c.name} piles up at {end} of its range: it looks clipped. Either the sensor saturates there, or "
             "what it measures is at a stop, which then belongs in the model."
         )
     if c.bits < _LEAST_BITS and c.moves and c.high - c.low > 4 * c.step and c.name not in ("branch", "enabled", "gain"):

@@ -58,6 +58,8 @@ def test_signals_come_in_the_units_of_their_ports(folder, unit, capsys, monkeypa
     found = json.loads(capsys.readouterr().out)
     assert all(e["rmse"] < 1.5 * e["noise_floor"] for e in found["equations"].values()), found
     assert main(["check", *common]) == 0
+    told = capsys.readouterr().out
+    assert "looks like" not in told and any(line.split()[:2] == ["T", unit] for line in told.splitlines())
     simulator = read_simulator(folder / "room.toml", trust=True)
     log = read_log("room.csv", "setup/columns.toml", nan="keep", simulator=simulator)
     errors = {name: e.rmse for name, e in evaluate(log, simulator).items()}

@@ -25,7 +25,7 @@ def test_a_name_halves_the_error_or_is_one_of_a_family(
     signs |= {"left_where_it_acts": left, "unclosed_of_gap": left, "unsupported": 0.0}
     monkeypatch.setattr(open_set, "signs_of", lambda *_: {"drag@x": signs})
     monkeypatch.setattr(open_set, "taken_back", lambda *_: {})
-    competition = SimpleNamespace(evidence=SimpleNamespace(exact=False))
+    competition = SimpleNamespace(evidence=SimpleNamespace(exact=False, simulates=True))
     outcome = SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(spec={"drag@x": {}})))
     found = open_set.trust(competition, outcome, {}, {})["drag@x"]
     assert (found.grade, found.closes) == (grade, closes)

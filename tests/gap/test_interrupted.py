@@ -105,6 +105,16 @@ def test_the_best_answer_so_far_stands_where_somebody_interrupts(log: pd.DataFra
     assert found.gap
 
 
+@pytest.mark.parametrize("word", ["sensitivity to maxwell", "learn what could"])
+def test_several_logs_have_a_best_answer_so_far_too(log: pd.DataFrame, word: str) -> None:
+    told: list[str] = []
+    stop = stopping(word)
+    both = {"first": log[log.trajectory != "2"], "second": log[log.trajectory == "2"]}
+    found = diagnose_simulator(both, RAILS, LIBRARY, progress=lambda text: (told.append(text), stop(text)))
+    assert INTERRUPTED in found.notes and named(found) == [("viscous_friction", "x")]
+    assert not any("could be explained of second" in text for text in told)
+
+
 @pytest.mark.parametrize("step", ["with_steps", "by_running", "decide", "answer"])
 def test_an_answer_is_written_down_where_somebody_interrupts_that(
     step: str, log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch

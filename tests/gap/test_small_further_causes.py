@@ -18,6 +18,6 @@ def test_what_explains_a_few_per_cent_beside_another_cause_is_no_sure_name(monke
     monkeypatch.setattr(open_set, "signs_of", lambda *a: signs)
     monkeypatch.setattr(open_set, "taken_back", lambda *a: {})
     outcome = SimpleNamespace(best=SimpleNamespace(fit=SimpleNamespace(spec=dict.fromkeys(signs))))
-    found = open_set.trust(SimpleNamespace(evidence=SimpleNamespace(exact=exact)), outcome, {}, {})
+    found = open_set.trust(SimpleNamespace(evidence=SimpleNamespace(exact=exact, simulates=True)), outcome, {}, {})
     assert found["first"].grade == "sure"
     assert found["second"].grade == ("sure" if sure else "reserve")

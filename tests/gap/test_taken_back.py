@@ -17,7 +17,7 @@ def set_of_two(there, back, slope=0.0):
     main, none = 50.0 * np.sin(9.0 * TIME), np.zeros(200)
     changes = {"first": np.r_[main, there * (1.0 + slope * TIME)], "second": np.r_[none, back * (1.0 + slope * TIME)]}
     evidence = SimpleNamespace(
-        parts=[slice(0, 200), slice(200, 400)], weights=[1.0, 1.0], exact=False,
+        parts=[slice(0, 200), slice(200, 400)], weights=[1.0, 1.0], exact=False, simulates=True,
         slopes=lambda spec, x: np.r_[none, TIME][:, None],
     )  # fmt: skip
     best = SimpleNamespace(fit=SimpleNamespace(spec=dict.fromkeys(changes), x=np.zeros(1), scales=[1.0, 1.0]))

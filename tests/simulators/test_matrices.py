@@ -12,7 +12,7 @@ from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.ports import Values
 
 PORTS = [Port("tau", "input", "N m"), *(Port(name, "state", "rad") for name in ("a", "b", "wa", "wb"))]
-WEIGHT = np.array([3.0, 1.0])
+WEIGHT, STATE = np.array([3.0, 1.0]), np.arange(16.0).reshape(4, 4)
 
 
 def inertia(a, b):
@@ -50,7 +50,25 @@ def weighed(t, x, u, p):
 
 def summed(t, x, u, p):
     r = np.array([x.wa, x.wb])
-    return [*r, np.sum(r), np.linalg.norm(r)]
+    return [r.sum(axis=-1), r.max() - np.min(r), np.sum(r) + np.mean(r), np.linalg.norm(r)]
+
+
+def put_together(t, x, u, p):
+    r, M = np.array([x.wa, u.tau]), np.outer(x[:2], WEIGHT) + np.diag([1.0, 2.0])
+    wide = np.hstack([r, 1.0, np.cross([0.0, 0.0, 1.0], np.array([x.a, x.b, p.c]))])
+    if np.any(np.abs(r) > 2.0):
+        return wide[:4] * np.trace(M)
+    return np.vstack([M, [r * WEIGHT]]).reshape(3, 2)[:2].ravel() + (x - np.array([1.0, 2.0, 3.0, 4.0]))
+
+
+def linear(t, x, u, p):
+    x = x - np.array([0.1, 0.0, 0.0, 0.2])
+    x += 1.0
+    return STATE @ x + np.array([[0.0], [0.0], [1.0], [2.0]]) @ u + np.array([0.0, 1.0, 0.0, p.c * x.sum()])
+
+
+def fourth(t, x, u, p):
+    return [*(WEIGHT * np.array([x.wa, x.wb])), x.wa[...].size, x.wb]
 
 
 def given(n, seed=0):
@@ -59,8 +77,10 @@ def given(n, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("function", "at_once"), [(solved, True), (inverted, True), (filled, True), (weighed, False), (summed, False)]
-)
+    ("function", "at_once"),
+    [(solved, True), (inverted, True), (filled, True), (weighed, True), (summed, True), (put_together, True),
+     (linear, True), (fourth, False)],
+)  # fmt: skip
 def test_many_instants_are_as_each_alone(function, at_once) -> None:
     simulator = FunctionSimulator(function, PORTS, {"c": 0.3})
     found = simulator.rate(*given(50))

@@ -12,6 +12,8 @@ import pytest
 from pamid.cli import main
 from pamid.errors import PamidError
 from pamid.signals import LogMapping, read_log
+from pamid.simulators import FunctionSimulator, Port
+from pamid.simulators.structure import joints_of
 
 PAGE = """
 kind = "equations"
@@ -141,3 +143,11 @@ def test_a_unit_is_converted_told_or_refused(name: str, whole: pd.DataFrame, tmp
 
 def test_there_are_forty() -> None:
     assert len(CASES) >= 40
+
+
+def test_what_acts_at_a_joint_has_the_unit_of_what_it_is_added_to() -> None:
+    ports = [Port("u", "input", "V"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    for through, unit in (("", "rad/s^2"), ("u", "V")):
+        joint = Port("shaft", "joint", "N m", position="q", velocity="w", through=through)
+        simulator = FunctionSimulator(lambda t, x, u, p: [x.w, 80.0 * u.u], [*ports, joint])
+        assert [j.unit for j in joints_of(simulator, {"q": "w"}, {("u", "w"): 80.0})] == [unit]

@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     if ported:
         _leave_out_muscles(found)
         units = {name: unit for name, unit in own.items() if unit != "-"}
-        found.channels[:] = [replace(c, unit=c.unit or units.get(c.name, "")) for c in found.channels]
+        found.channels[:] = [replace(c, unit=units.get(c.name, c.unit)) for c in found.channels]
         doubts += _port_doubts(args, log)
     found.warnings[:0] = doubts
     files = _write(args, found, log)
@@ -155,7 +155,7 @@ def _read(args: argparse.Namespace, own: dict[str, str]) -> tuple[pd.DataFrame, 
 
     mapping = LogMapping.load(args.columns, own=own)
     nan = "keep" if args.nan == "raise" else args.nan
-    check_units, order = True, None
+    check_units, order = not own, None  # ports say themselves what their units are
     doubts: list[str] = []
     while True:
         settings = log_settings(mapping, nan, "ignore", time_order=order, encoding=args.encoding)

@@ -37,6 +37,7 @@ from ..inference.competition import Competition
 from ..inference.hypotheses import Outcome
 from ..settings import OF_ITS_OWN
 from .signs import signs_of
+from .silenced import silenced
 from .taken_back import taken_back
 from .trusted import ALONE, BESIDE, SURE, TRUSTED
 
@@ -88,9 +89,12 @@ def trust(
 
     found, weights = {}, ALONE if len(outcome.best.fit.spec) == 1 else BESIDE
     back = {} if competition.evidence.exact else taken_back(competition, outcome.best)
+    silent = silenced(competition, outcome.best)
     for name, signs in signs_of(competition, outcome, part_of, classes).items():
         if name in back:
             signs = {**signs, "undone": max(signs["undone"], back[name] ** 0.5)}
+        if name in silent:
+            signs = {**signs, "unsupported": 1.0}
         score = weights["constant"] + sum(weight * signs[n] for n, weight in weights.items() if n != "constant")
         probability = float(expit(score))
         if not competition.evidence.exact:

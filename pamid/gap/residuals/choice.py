@@ -57,7 +57,9 @@ def beside_inputs(found: ShootingEvidence) -> ShootingEvidence:
             found.log, found.given, refit=found.refit, lines=found.lines, like=shorter, halves=True
         )
         shows = shorter if shorter.beyond_inputs else shows
-    return found if exact else shows or shorter
+    chosen = found if exact else shows or shorter
+    chosen.longer = None if chosen is found else found
+    return chosen
 
 
 def sensor_ends(found: DirectEvidence) -> bool:

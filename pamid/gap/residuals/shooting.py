@@ -64,6 +64,8 @@ class ShootingEvidence(PredictedEvidence):
     """Residuals of predictions over stretches of a log."""
 
     simulates = True
+    longer: ShootingEvidence | None = None
+    """The same over longer stretches, of which noise of inputs explains more."""
 
     def __init__(
         self, log: PortLog, simulator: Simulator, whole: bool = False, refit: bool = False, lines: bool = False,
@@ -426,7 +428,7 @@ class ShootingEvidence(PredictedEvidence):
         """Return a parameter with the bounds between which it changes anything on this log."""
         for place in self.placements.values():
             if place.name == "overflow" and p in place.effect.parameters and p.name == "level":
-                x, s = self._states[self.simulator.states.index(place.follows["pressure"])], place.scales
+                x, s = self.signals()[place.follows["pressure"]], place.scales
                 low, high = (float(v) * s.pressure + s.offset for v in (np.min(x), np.max(x)))
                 edge = 0.02 * (high - low)
                 low, high = max(p.lower, low + edge), min(p.upper, high - edge)

@@ -122,7 +122,7 @@ class UndoneEvidence(PortEvidence, ABC):
         steps = [(active, self.numbers({**there, k: there[k] + SMALL})) for k in self.free if k not in self.skews]
         tolerances = len(steps)
         steps += [
-            (self.active({**spec, name: {**values, p.name: (1.0 + SMALL) * values[p.name]}}), numbers)
+            (self.active({**spec, name: {**values, p.name: (1.0 - SMALL) * values[p.name]}}), numbers)
             for name, values in spec.items() for p in self.effects[name].parameters
             if p.linear and values.get(p.name)
         ]  # fmt: skip

@@ -83,6 +83,7 @@ def together(
     say: Callable[[str], None],
     searched: Sequence[Log] = (),
     close: Sequence[str] = (),
+    interrupted: bool = False,
 ) -> tuple[Diagnosis, Verdict | None, StackedEvidence]:
     """Return the joint diagnosis of logs, each log's parameters, the decision if any, and the stacked evidence."""
     names, _, days = zip(*logs, strict=True)
@@ -93,7 +94,8 @@ def together(
     with threadpool_limits(1):
         part = StackedEvidence(searched, variants) if searched else stack
         competition = Competition(part, variants.library, say, apart=variants.apart, close=close)
-        outcome = competition.run()
+        competition.interrupted = interrupted
+        outcome = competition.refit(competition.screen(1)) if interrupted else competition.run()
         verdict = twice(lambda _: decide(competition, outcome, random_state))
         found = twice(lambda short: answer(stack, competition, verdict, notes, random_state, say, short))
         say("compare the logs")

@@ -41,19 +41,24 @@ def diagnose_port_logs(
         library = [k for k in asked if any(e.has(k) and e.touched([k]) for e in each)]
         kept = [set(settled(e, e.log, simulator, [k for k in library if e.has(k)], say)) for e in each]
         library = [k for k in library if any(k in some for some in kept)]
-        close, shares = dict[str, None](), list[float]()
+        close, shares, interrupted = dict[str, None](), list[float](), False
         for name, one, some in zip(names, each, kept, strict=True):
             say(f"estimate what could be explained of {name}")
             names_here = [k for k in library if k in some]
-            known = learn(one, names_here)
+            known = learn(one, names_here, say)
             shares.append(known.share)
-            first = FirstOrder(one, names_here, None, known.templates)
+            first = FirstOrder(one, [k for k in names_here if known.templates.get(k)], None, known.templates)
             close |= dict.fromkeys(first.templates[s.templates[0]].effect for s in first.screen(1).contenders)
+            if interrupted := known.interrupted:  # of the others nothing is known, and who waits no longer wants it
+                library = list(close)
+                break
         notes = [*each[0].heard(float(np.mean(shares))), *untested(each[-1], effects)]
         notes += [f"{name}: {text}" for name, one in zip(names, each, strict=True) for text in one.notes]
     kinds, rng = {k: p.effect for k, p in places.items()}, np.random.RandomState(seed)
     stacked = [Log(n, e, c.day) for n, e, c in zip(names, each, held, strict=True)]
-    found, verdict, stack = together(stacked, library, kinds, notes, rng, say, close=list(close))
+    found, verdict, stack = together(
+        stacked, library, kinds, notes, rng, say, close=list(close), interrupted=interrupted
+    )
     if verdict is None:
         return found
     found = replace(found, logs=sized(found.logs, [(e.log.n, len(e.log.names)) for e in each], held))
