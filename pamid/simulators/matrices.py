@@ -63,7 +63,7 @@ class AtEachInstant(Instants):
         """The transpose at each instant."""
         return np.moveaxis(np.transpose(self), 0, -1)
 
-    def reshape(self, *shape: Any, order: Any = "C") -> Any:
+    def reshape(self, *shape: Any, order: Any = "C") -> Any:  # type: ignore[override]
         """Return the numbers of each instant in another shape."""
         [shape] = shape if len(shape) == 1 and np.ndim(shape[0]) else [shape]
         return np.asarray(self).reshape(*shape, self.shape[-1]).view(type(self))
@@ -209,8 +209,10 @@ def _at_many(plain: Callable[..., Any], made: Callable[..., Any]) -> Callable[..
     return of
 
 
-_NORMS = {"solve": _solve, "inv": _of(np.linalg.inv), "det": _of(np.linalg.det), "norm": _length}
-_OWN = {
+_NORMS: dict[str, Callable[..., Any]] = {
+    "solve": _solve, "inv": _of(np.linalg.inv), "det": _of(np.linalg.det), "norm": _length,
+}  # fmt: skip
+_OWN: dict[str, Callable[..., Any]] = {
     "array": _array, "asarray": _array, "stack": _array, "where": _where, "dot": product, "matmul": product,
     "concatenate": _joined, "hstack": _beside_each_other, "vstack": _below_each_other, "cross": _crossed,
     "outer": _summed("i...,j...->ij..."), "trace": _summed("ii...->..."), "diag": _diagonal,

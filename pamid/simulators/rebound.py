@@ -198,8 +198,9 @@ class _Anew:
     def _class(self, kind: type) -> type:
         """Return a class that differs in its functions alone, so that objects can change to it."""
         bases = tuple(base for base in map(self.of, kind.__bases__) if base not in kind.__bases__)
-        found = {"__slots__": (), "__module__": kind.__module__, "__qualname__": kind.__qualname__}
-        found["__getattribute__"] = lambda this, name: self._read(kind.__getattribute__(this, name), name)
+        read: Any = kind.__getattribute__
+        found: dict[str, Any] = {"__slots__": (), "__module__": kind.__module__, "__qualname__": kind.__qualname__}
+        found["__getattribute__"] = lambda this, name: self._read(read(this, name), name)
         try:
             made = self._keep(kind, type(kind)(kind.__name__, (kind, *bases), found))
             for name, member in self._modules.members_of_itself(kind).items():

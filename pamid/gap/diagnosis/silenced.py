@@ -13,6 +13,7 @@ from ...simulators.reciprocity import SAME
 from ...simulators.structure import spread_numbers
 from ..inference.competition import Competition
 from ..inference.hypotheses import Hypothesis
+from ..residuals.ports import PortEvidence
 from ..residuals.protocol import ResidualSource
 from ..settings import LEAST_GAIN
 
@@ -34,8 +35,10 @@ def silenced(competition: Competition, best: Hypothesis) -> set[str]:
 
 def _silences(evidence: ResidualSource, name: str, p: Parameter) -> bool:
     """Return whether all rates that a parameter changes vanish where it is large."""
-    place, simulator = getattr(evidence, "placements", {}).get(name), getattr(evidence, "simulator", None)
-    if place is None or simulator is None or simulator.form != "ode" or place.at not in simulator.parameters:
+    if not isinstance(evidence, PortEvidence) or evidence.simulator.form != "ode":
+        return False
+    place, simulator = evidence.placements[name], evidence.simulator
+    if place.at not in simulator.parameters:
         return False
     signals, t = evidence.signals(), evidence.log.t
     x, u = (np.array([signals[n] for n in some]).reshape(-1, len(t)) for some in (simulator.states, simulator.inputs))
