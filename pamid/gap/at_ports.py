@@ -171,6 +171,7 @@ def diagnose_evidence(
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
                 raise UnjudgedError(BURIED)
 
+        shows: ShootingEvidence | None = None
         try:
             found = explain(
                 evidence,
@@ -186,15 +187,35 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
+            shows = None if found.interrupted or found.verdict != "none" else shown_by_predictions(evidence)
+            if shows is not None:
+                raise UnjudgedError(BURIED)
         except OtherNoiseError as other:
             say("again, with noise that lasts" if other.begin is None else "again, without noise that lasts")
             return diagnose_evidence(evidence, effects, seed, say, change, other.begin or begin)
         except UnjudgedError as why:
             say("again, by predictions, in which noise hides less than in the equations")
-            predicted = beside_inputs(ShootingEvidence(log, evidence.given, refit=evidence.refit, lines=evidence.lines))
+            predicted = shows or by_predictions(evidence)
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
     return Judged(twice(lambda _: told(found, evidence)), evidence, known.learned)
+
+
+def by_predictions(evidence: PortEvidence) -> ShootingEvidence:
+    """Return what is left where the simulator predicts the log over stretches."""
+    return beside_inputs(ShootingEvidence(evidence.log, evidence.given, refit=evidence.refit, lines=evidence.lines))
+
+
+def shown_by_predictions(evidence: PortEvidence) -> ShootingEvidence | None:
+    """Return predictions that leave as much as the noise or more where equations leave nothing; None without such.
+
+    Accelerations from positions are mostly noise; in predictions, slow errors of them add up.
+    """
+    derived = isinstance(evidence, DirectEvidence) and evidence.derived and not evidence.made_in_samples
+    if not derived or evidence.simulator.form != "ode" or evidence.simulator.one_by_one:
+        return None
+    found = by_predictions(evidence)
+    return found if np.any(found.without_causes().scales > np.sqrt(2.0)) else None
 
 
 def in_question(outcome: Outcome) -> list[Spec]:

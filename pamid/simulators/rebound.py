@@ -29,7 +29,7 @@ class Used:
         """The code of all functions."""
         self.keeps_count = False
         """Whether they set names outside of them, and so say something else the next time."""
-        plain = next(_plain(function), None) or next(_plain(vars(type(function)).get("__call__")), None)
+        plain = next(_plain(function), None) or next(_calls(type(function)), None)
         self._modules = _Modules(plain.__globals__ if plain else {})
         self.values = dict[int, Any]()
         """All that they are made of and ask for, by its identity."""
@@ -270,6 +270,12 @@ def _plain(member: Any) -> Iterator[FunctionType]:
     else:
         some = [getattr(member, "__wrapped__", member) if isinstance(member, _CACHED) else member]
     yield from (one for one in some if isinstance(one, FunctionType))
+
+
+def _calls(kind: type) -> Iterator[FunctionType]:
+    """Yield the functions that calling an object of a class calls, the class's own first."""
+    for base in kind.__mro__:
+        yield from _plain(vars(base).get("__call__"))
 
 
 def _within(cells: Iterable[CellType]) -> Iterator[Any]:

@@ -58,6 +58,8 @@ class Plant:
         q = valves.flow(x.h - x.w, p.k)
         up, down = self.cones
         return [(u.q - q) / up.area(x.h), q / down.area(x.w) + math.sin(x.w) * self.g + shapes.level(x.h)]
+class Whole(Plant):
+    pass
 def within(c):
     def root(h):
         return shapes.math.sqrt(max(h, 0.1)) * c
@@ -75,7 +77,7 @@ def counting():
         n += 1
         return [n + valves.flow(x.h, 1.0), x.w]
     return rate
-plant, closed, part, counted = Plant(), within(3.0), functools.partial(of_any, 2.0), counting()
+plant, closed, part, counted = Whole(), within(3.0), functools.partial(of_any, 2.0), counting()
 method = plant.__call__
 """,
 }
