@@ -22,7 +22,7 @@ from .inference.so_far import INTERRUPTED, twice, unless_stopped, where_so_far
 from .inference.student_t import scale
 from .readings import settled
 from .rerun import tried
-from .residuals.choice import beside_inputs
+from .residuals.choice import beside_inputs, noise_hides
 from .residuals.direct import DirectEvidence
 from .residuals.part import remember_as, to_search
 from .residuals.ports import PortEvidence
@@ -211,8 +211,9 @@ def shown_by_predictions(evidence: PortEvidence) -> ShootingEvidence | None:
 
     Accelerations from positions are mostly noise; in predictions, slow errors of them add up.
     """
-    derived = isinstance(evidence, DirectEvidence) and evidence.derived and not evidence.made_in_samples
-    if not derived or evidence.simulator.form != "ode" or evidence.simulator.one_by_one:
+    if not isinstance(evidence, DirectEvidence) or evidence.simulator.form != "ode" or evidence.simulator.one_by_one:
+        return None
+    if evidence.made_in_samples or not noise_hides(evidence):
         return None
     found = by_predictions(evidence)
     return found if np.any(found.without_causes().scales > np.sqrt(2.0)) else None

@@ -115,6 +115,11 @@ def motion_is_hidden(found: DirectEvidence) -> bool:
     return bool(found.derived) and (buried or coarse(found) or fast(found))
 
 
+def noise_hides(found: DirectEvidence) -> bool:
+    """Return whether the noise of a derived acceleration hides something of interest, which predictions may show."""
+    return bool(found.derived) and any(noise > HIDDEN * rms(modelled) for noise, modelled, _ in _accelerations(found))
+
+
 def rates_are_hidden(found: DirectEvidence) -> bool:
     """Return whether the noise of a rate hides slow errors, which add up in predictions.
 
