@@ -57,12 +57,12 @@ def test_an_overflow_that_constants_had_taken_on_is_found_with_them() -> None:
     assert found.corrected.parameters["k3"].value == pytest.approx(TRUE["k3"], rel=0.05)
 
 
-def test_an_overflow_is_named_beside_a_sensor_that_is_not_straight() -> None:
-    # What is left lasts long, so that few windows count; without the overflow the gap would be nearly twice as large.
+def test_an_overflow_beside_a_sensor_that_is_not_straight_is_what_comes_closest() -> None:
+    # What is left lasts long, so that few windows count; the overflow does not quite halve the error, as a name has to.
     one = log().query("trajectory == '0'")
     bent = one.assign(y=one["y"] + 0.25 * np.sin(1.5 * one["y"]))
     found = diagnose_simulator(bent, tanks(), ["overflow"])
-    assert (found.verdict, found.causes[0].where, found.with_reserve) == ("cause", ("h1",), True)
+    assert found.verdict == "unknown" and "resembles overflow at h1" in str(found).splitlines()[0]
     [closure] = found.closure
     assert closure.closed_share > 0.5
 
