@@ -150,7 +150,7 @@ class ValveLag(OfCommand):
     name = "valve_lag"
     source = "10.1115/1.1286336"
     n_states = 2
-    time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of what follows the command", symbol="τ")
+    time_constant = parameter("s", 1e-4, 0.5, 0.01, "time constant of what follows the command", symbol="τ", points=6)
     second = parameter("-", 0.0, 1.0, 0.0, "inertia: 0.25 for two lags alike, above it swings", symbol="s")
 
     def _spring(self) -> tuple[float, float]:
