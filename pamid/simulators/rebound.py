@@ -84,7 +84,9 @@ class _Modules:
         self._known = dict[int, tuple[Mapping[str, Any], bool]]()
 
     def own(self, around: Mapping[str, Any]) -> bool:
-        """Return whether the names of a module are those of one of them."""
+        """Return whether the names of a module are those of one of them, and not made anew already."""
+        if isinstance(around, _Around):
+            return False
         if id(around) not in self._known:
             self._known[id(around)] = around, around is self._first or self._is_near(around)
         return self._known[id(around)][1]

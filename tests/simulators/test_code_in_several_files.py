@@ -13,6 +13,7 @@ import pytest
 from pamid.simulators import FunctionSimulator, Port
 from pamid.simulators.elementwise import elementwise
 from pamid.simulators.function import load_function
+from pamid.simulators.rebound import _Anew
 
 TANKS = [Port("q", "input", "m3/s"), Port("h", "state", "m"), Port("w", "state", "m")]
 FILES = {
@@ -154,3 +155,20 @@ def test_slots_are_read_where_they_stand() -> None:
     before = simulator.rate(*given())
     gain.k = 2.0
     assert np.allclose(simulator.rate(*given()), before * [[2.0], [1.0]])
+
+
+def test_a_function_that_a_call_makes_is_not_made_anew_again(monkeypatch) -> None:
+    """Else each call would leave one behind."""
+
+    class Plant:
+        def __call__(self, h):
+            self.of = lambda x: math.sin(x)
+            return self.of(h) + max(h, 0.0)
+
+    made, plain = [], _Anew._function
+    monkeypatch.setattr(_Anew, "_function", lambda self, one: made.append(one) or plain(self, one))
+    many, h = elementwise(Plant()), np.linspace(-1.0, 1.0, 5)
+    assert many is not None
+    for _ in range(3):
+        assert np.allclose(many(h), np.sin(h) + np.maximum(h, 0.0))
+    assert len(made) == 1
