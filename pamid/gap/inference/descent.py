@@ -74,7 +74,7 @@ def descend(
         return RobustFit(value - prior.cost(x), x, z, scales)
 
     best = there(x)
-    damping = Damping(DAMPED, shrink=0.1, grow=10.0, least=1e-4, most=1e2)
+    damping = Damping(DAMPED, shrink=0.1, grow=10.0, least=1e-12, most=1e2)
     A, anew = np.zeros(0), True
     for left in reversed(range(rounds)):
         A = slopes(best.x) if anew else A
@@ -102,11 +102,12 @@ def descend(
             step = bounded(H + np.diag(much * diagonal), g, lower, upper)  # noqa: B023 - used within this round
             return there(np.clip(here.x + step, room.lower, room.upper))  # noqa: B023
 
-        found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik)
+        tried = 1 if not anew else None  # where updated slopes fail, new ones tell more than a shorter step
+        found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik, tried)
         if found is None:
             if anew:
                 break
-            anew, damping.value = True, DAMPED
+            anew = True
             continue
         best = found[0]
         gain = best.loglik - here.loglik
