@@ -43,6 +43,8 @@ class Template:
     """The effect."""
     of: float = 1.0
     """Points of a fine grid for each that was kept since it closes most: noise has as many chances."""
+    x: np.ndarray | None = None
+    """Deviations of the tolerances about which it is linearised; None for none."""
 
     @property
     def family(self) -> str:
@@ -102,7 +104,7 @@ def laid(evidence: ResidualSource, name: str, x: np.ndarray | None = None) -> li
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
             names, of = tuple(p.name for p in linear), every / len(grids)
-            found.append(Template(name, fixed, names, D, lower, upper, top, effect, of))
+            found.append(Template(name, fixed, names, D, lower, upper, top, effect, of, x))
     return found
 
 
