@@ -25,6 +25,7 @@ import numpy as np
 from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
 from ...signals.ends import end_of
+from ...simulators.accelerations import rates_read
 from ...simulators.base import Simulator
 from ...simulators.integrate import side_by_side, substeps_for
 from ...simulators.port_log import PortLog
@@ -154,6 +155,7 @@ class ShootingEvidence(PredictedEvidence):
         self._pairs = kinematic_pairs(simulator, log.t[at], x, u)
         self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
         self.joints = joints_of(simulator, self._pairs, self.pushes)
+        self._felt = rates_read(simulator, {j.velocity for j in self.joints}, log.t[at], x, u)
         self._responses.clear()  # those of the start know no path of a joint
         self.feeds = fed_by(simulator, log.t[at], x, u)
         self._rates = simulator.rate(log.t, self._states, self._u, p)
