@@ -52,8 +52,10 @@ class FirstOrder:
     @property
     def _laid_about(self) -> np.ndarray:
         """The deviations about which the library is linearised."""
-        x = next((t.x for t in self.templates), None)
-        return np.zeros(self.evidence.J.shape[1]) if x is None else x
+        x = np.zeros(self.evidence.J.shape[1])
+        known = next((t.x for t in self.templates if t.x is not None), x)
+        x[: len(known)] = known  # steps of an integrator may have come after them
+        return x
 
     def screen(self, most: int = MOST_CAUSES) -> Screen:
         """Score every set of effects to first order, and return those that are worth an exact refit."""
