@@ -271,7 +271,7 @@ class PredictedEvidence(StretchEvidence):
         self, x0: np.ndarray, u: np.ndarray, copies: np.ndarray, acting: Active
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         simulator, log, given, many = self.simulator, self.log, u, len(copies)
-        u = drawn(u, log.starts, self.substeps) if self.lines else u
+        u = drawn(u, log.starts) if self.lines else u
         rows = side_by_side(self.stretches, max(s.stop - s.first for s in self.stretches))
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
