@@ -102,7 +102,7 @@ def descend(
             step = bounded(H + np.diag(much * diagonal), g, lower, upper)  # noqa: B023 - used within this round
             return there(np.clip(here.x + step, room.lower, room.upper))  # noqa: B023
 
-        tried = 1 if not anew else None  # where updated slopes fail, new ones tell more than a shorter step
+        tried, before = 1 if not anew else None, damping.value  # where updated slopes fail, new ones tell more than a shorter step
         found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik, tried)
         if found is None:
             if anew:
@@ -111,7 +111,9 @@ def descend(
             continue
         best = found[0]
         gain = best.loglik - here.loglik
-        if gain < enough or best.loglik + left * gain <= behind:  # as much again in each step left is not enough
+        if best.loglik + left * gain <= behind:  # as much again in each step left is not enough
+            break
+        if gain < enough and damping.value >= before:  # else it was only damped too much: more was promised
             break
         # A step that gained much updates the slopes itself (Broyden); the next but one is relinearised.
         anew = not anew or gain < BROYDEN * enough
