@@ -61,6 +61,4 @@ def test_a_bias_is_fitted_beside_the_gain_that_undoes_it_wherever_it_begins(fitt
 def test_a_library_and_tolerances_are_linearised_about_one_point(fitter: Fitter) -> None:
     """Else what they do not undo of each other seems larger than the noise."""
     alone = FirstOrder(fitter.evidence, [BIAS]).alone()[BIAS]
-    refined = fitter.refine({BIAS: {"offset": 0.0}})
-    gain = refined.loglik - fitter.base().loglik
-    assert alone.gain > 0.5 * gain - 20.0
+    assert alone.closed > 0.99  # and 0.94 about two points
