@@ -10,8 +10,8 @@ import numpy as np
 
 from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import LEAST_GAIN
-from .student_t import loglik
+from ..settings import EXCESS, LEAST_GAIN
+from .student_t import loglik, scale
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -209,7 +209,9 @@ def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> li
     """Return the likeliest template of a factor of e or more, by simulation until the likelihood levels off."""
     none = np.zeros(len(evidence.free))
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
-    own = D - Q @ (Q.T @ D)
+    own, left = D - Q @ (Q.T @ D), evidence.z0 - Q @ (Q.T @ evidence.z0)
+    if all(scale(left[part], 0.0) <= 1.0 + EXCESS for part in evidence.parts):
+        return []  # it takes runs of a simulator, and there is nothing to explain
     wanted = -float(own @ evidence.z0) / max(float(own @ own), 1e-300)
     if 1.0 < math.e * (1.0 + wanted) < math.e**2:
         return []
