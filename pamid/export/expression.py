@@ -79,6 +79,12 @@ class Symbol(np.lib.mixins.NDArrayOperatorsMixin):
             "The formula decides by the value of a signal.", _KNOWN, "Write the decision with numpy.where."
         )
 
+    def __float__(self) -> float:
+        raise ExportError(
+            "The formula asks for the number of a signal, as functions of the module math do.", _KNOWN,
+            "Use numpy's functions, such as numpy.cos for math.cos.",
+        )  # fmt: skip
+
     __eq__, __ne__, __hash__ = object.__eq__, object.__ne__, object.__hash__
 
     def __pow__(self, power: Any) -> Symbol:
@@ -144,6 +150,11 @@ _MADE: dict[str, Callable[..., Symbol]] = {
     "log1p": _log1p,
     "copysign": lambda size, of: node("where", of < 0.0, -abs(size), abs(size)),
     "positive": lambda x: x,
+    "cos": lambda x: node("sin", x + 0.5 * math.pi),
+    "tan": lambda x: node("sin", x) / node("sin", x + 0.5 * math.pi),
+    "sinh": lambda x: 0.5 * (node("exp", x) - node("exp", -x)),
+    "cosh": lambda x: 0.5 * (node("exp", x) + node("exp", -x)),
+    "hypot": lambda x, y: node("sqrt", x * x + y * y),
 }
 
 
@@ -165,7 +176,8 @@ def _interpolated(x: Symbol, knots: Any, values: Any) -> Symbol:
 
 
 _KNOWN = (
-    "arithmetic, abs, sign, exp, log, sin, tanh, sqrt, power, minimum, maximum, clip, interp, where and comparisons"
+    "numpy's arithmetic, abs, sign, exp, log, sin, cos, tan, sinh, cosh, tanh, hypot, sqrt, power, minimum, maximum, "
+    "clip, interp, where and comparisons"
 )
 
 

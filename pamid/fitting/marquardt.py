@@ -6,6 +6,7 @@ Mathematics 11(2), 1963. https://doi.org/10.1137/0111030
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -30,10 +31,13 @@ class Damping:
     """Bounds: it never falls below the first, and no step is tried above the second."""
 
     def descend(
-        self, before: float, propose: Callable[[float], Point | None], loss: Callable[[Point], float]
-    ) -> tuple[Point, float] | None:
-        """Take the first step that lowers the loss; None if there is none up to the greatest damping."""
-        while self.value < self.most:
+        self, before: float, propose: Callable[[float], Point | None], loss: Callable[[Point], float],
+        tries: int | None = None,
+    ) -> tuple[Point, float] | None:  # fmt: skip
+        """Take the first step that lowers the loss; None if there is none in so many, or up to the greatest damping."""
+        for _ in range(tries) if tries else count():
+            if self.value >= self.most:
+                break
             trial = propose(self.value)
             if trial is not None:
                 after = loss(trial)

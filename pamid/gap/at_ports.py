@@ -45,6 +45,10 @@ PULLED = (
     "The readings were predicted rather than put into the equations, where noise in the readings would change a "
     "parameter together with a cause."
 )
+SLOW = (
+    "Predicted over longer stretches, the corrected simulator leaves more than noise explains: something slow is "
+    "missing, too, and no set of causes was found that contains both."
+)
 BURIED = "The readings were predicted rather than put into the equations, in each of which noise exceeds the gap."
 
 
@@ -66,7 +70,11 @@ class OtherNoiseError(Exception):
 
 
 class UnjudgedError(Exception):
-    """The equations cannot judge what predictions can: the message says why."""
+    """The equations cannot judge what predictions can, as the message says; `predicted` are those, where made."""
+
+    def __init__(self, why: str, predicted: ShootingEvidence | None = None) -> None:
+        super().__init__(why)
+        self.predicted = predicted
 
 
 def diagnose_at_ports(
@@ -111,7 +119,9 @@ def diagnose_at_ports(
             return judged
         say("again, over longer stretches, in which more is left than noise of the inputs explains")
         there = diagnose_evidence(longer, effects, seed, say, change, spec)
-        return there if spec.keys() <= added(longer, there.found).keys() else judged
+        if spec.keys() <= added(longer, there.found).keys():
+            return there
+        return judged._replace(found=replace(found, notes=[*found.notes, SLOW]))
 
     for again in (with_noise_of_inputs, with_inputs_otherwise, over_longer_stretches):
         if not found.interrupted:  # who interrupted the search waits for no other
@@ -171,7 +181,6 @@ def diagnose_evidence(
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
                 raise UnjudgedError(BURIED)
 
-        shows: ShootingEvidence | None = None
         try:
             found = explain(
                 evidence,
@@ -187,15 +196,15 @@ def diagnose_evidence(
                 heed,
                 begin,
             )
-            shows = None if found.interrupted or found.verdict != "none" else shown_by_predictions(evidence)
-            if shows is not None:
-                raise UnjudgedError(BURIED)
+            nothing = not found.interrupted and found.verdict == "none"
+            if nothing and (predicted := shown_by_predictions(evidence)) is not None:
+                raise UnjudgedError(BURIED, predicted)
         except OtherNoiseError as other:
             say("again, with noise that lasts" if other.begin is None else "again, without noise that lasts")
             return diagnose_evidence(evidence, effects, seed, say, change, other.begin or begin)
         except UnjudgedError as why:
             say("again, by predictions, in which noise hides less than in the equations")
-            predicted = shows or by_predictions(evidence)
+            predicted = why.predicted or by_predictions(evidence)
             predicted.notes.append(str(why))
             return diagnose_evidence(predicted, effects, seed, say, change)
     return Judged(twice(lambda _: told(found, evidence)), evidence, known.learned)

@@ -314,14 +314,15 @@ class _Fed(Runner):
         self.steps, self.told, self.total = 0, list[np.ndarray](), np.zeros(self.pull.shape[1:])
 
     def _step(
-        self, t: Any, h: float, x: Any, u: Any, p: Any, acting: Any, memory: Any, paths: Any, change: Any = 0.0
-    ) -> Any:
+        self, t: Any, h: float, x: Any, u: Any, p: Any, acting: Any, memory: Any, paths: Any, change: Any = 0.0,
+        ramp: Any = 0.0,
+    ) -> Any:  # fmt: skip
         if self.steps % self.substeps == 0:  # commands are held over each sample
             fed = np.einsum("unm,nm->um", self.gains, x[: self.gains.shape[1]])
             self.told.append(u + fed - np.einsum("unm,nm->um", self.pull, self.total))
             self.total = self.total + self.dt * x[self.held]
         self.steps += 1
-        return super()._step(t, h, x, self.told[-1], p, acting, memory, paths, change)
+        return super()._step(t, h, x, self.told[-1], p, acting, memory, paths, change, ramp)
 
 
 class _Loop:

@@ -19,6 +19,7 @@ from .robots import with_own_clock
 from .stamps import seconds_of_stamps
 from .unit_names import unit_name
 from .units import UNITS, base_name, dimension_of, is_gauge_name
+from .vocabulary import WORDS
 
 _CLOCK = 1e8
 _NAME_WITH_UNIT = re.compile(r"^\s*(.+?)\s*[\[(]\s*([^\[\]()]+?)\s*[\])]\s*$")
@@ -151,12 +152,13 @@ def _by_own_names(
             "'pamid init' writes one.",
         )
     signals: dict[str, SignalMapping] = {}
+    clock = _clock_at(raw)
     elements = list_elements(map(str, raw.columns))
     for position, column in enumerate(raw.columns):
         if position == skip:
             continue
         name, unit = (str(column).strip(), None) if column in elements else for_port(str(column), mapping.own)
-        if name.lower() == "time" and "time" not in map(str, raw.columns):
+        if position == clock and name not in mapping.own:
             name = "time"
         text = not pd.api.types.is_numeric_dtype(raw.iloc[:, position])
         if text and dimension_of(name) is None and not pd.api.types.is_datetime64_any_dtype(raw.iloc[:, position]):
@@ -188,11 +190,21 @@ def _name_and_unit(column: object) -> tuple[str, str | None]:
 
 
 def _clock(raw: pd.DataFrame) -> dict[str, SignalMapping]:
-    """Return the signal of the column that is called time, with a unit in brackets or none, if there is one."""
-    for position, (name, unit) in enumerate(map(_name_and_unit, raw.columns)):
-        if name.lower() == "time":
-            return {"time": SignalMapping.from_value("time", {"column": position, "unit": unit}, False)}
-    return {}
+    """Return the signal of the column that is the clock, if there is one."""
+    position = _clock_at(raw)
+    if position is None:
+        return {}
+    unit = _name_and_unit(raw.columns[position])[1]
+    return {"time": SignalMapping.from_value("time", {"column": position, "unit": unit}, False)}
+
+
+def _clock_at(raw: pd.DataFrame) -> int | None:
+    """Return the column that is called time, or the only one with another word for it and a unit of time."""
+    names = [_name_and_unit(column) for column in raw.columns]
+    called = [k for k, (name, _) in enumerate(names) if name.lower() == "time"]
+    meant = [k for k, (name, unit) in enumerate(names)
+             if unit is not None and UNITS[unit].dimension == "time" and name.lower() in WORDS["time"]]  # fmt: skip
+    return called[0] if called else meant[0] if len(meant) == 1 else None
 
 
 def _unread(mapping: LogMapping, signals: dict[str, SignalMapping]) -> dict[str, str]:

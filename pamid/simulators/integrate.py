@@ -114,8 +114,9 @@ class Runner:
         for k in range(len(t) - 1):
             now = p[k] if p.ndim == 3 else p
             for j in range(self.substeps):
-                held = u[k] + (j + 0.5) / self.substeps * (u[k + 1] - u[k]) if self.lines else u[k]
-                x, memory = self._step(t[k] + j * h, h, x, held, now, acting, memory, paths)
+                ramp = (u[k + 1] - u[k]) / self.substeps if self.lines else 0.0
+                middle = u[k] + (j + 0.5) * ramp
+                x, memory = self._step(t[k] + j * h, h, x, middle, now, acting, memory, paths, ramp=ramp)
                 if not np.abs(x).max(initial=0.0) < most:  # NaN is not less, either
                     if self.failed is None and not np.isfinite(x).all():
                         bad = ~np.isfinite(x[: len(self.simulator.states)])
@@ -143,6 +144,7 @@ class Runner:
             return None
         at, share = np.repeat(np.arange(len(t) - 1), m), np.tile(np.arange(m) / m, len(t) - 1)[:, None, None]
         held = u[at] + (share + 0.5 / m) * (u[at + 1] - u[at]) if self.lines else u[at]
+        ramp = _flat((u[at + 1] - u[at]) / m) if self.lines else 0.0
         now, times = p[at] if p.ndim == 3 else np.broadcast_to(p, (steps, *p.shape)), t[at] + share[:, 0] * self.dt
         inputs, numbers = _flat(held), _flat(now)
         ends = np.cumsum([len(own) for own in kept])
@@ -150,7 +152,7 @@ class Runner:
         def after(z: np.ndarray) -> np.ndarray:
             """Return states and memory after each step, from those before it, shape (n_states, n_steps * n_runs)."""
             own = [part.reshape(-1, z.shape[1]) for part in np.split(z[n:], ends[:-1])] if kept else []
-            x, later = self._step(times.ravel(), self.dt / m, z[:n], inputs, numbers, acting, own, paths)
+            x, later = self._step(times.ravel(), self.dt / m, z[:n], inputs, numbers, acting, own, paths, ramp=ramp)
             return np.concatenate([x, *later])
 
         z = np.empty((steps + 1, len(begun), many))
@@ -208,9 +210,12 @@ class Runner:
 
     def _step(
         self, t: np.ndarray, h: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Acting,
-        memory: list[Any], paths: Sequence[str], change: np.ndarray | float = 0.0,
+        memory: list[Any], paths: Sequence[str], change: np.ndarray | float = 0.0, ramp: np.ndarray | float = 0.0,
     ) -> tuple[np.ndarray, list[Any]]:  # fmt: skip
-        """Return states and memory after a step, with a change of the states just before what holds them acts."""
+        """Return states and memory after a step, with a change of the states just before what holds them acts.
+
+        The inputs are those in the middle of the step, in which they change by `ramp`.
+        """
         before = [place.signals(self._table(x, u, paths), t) for place, _ in acting]
         holding = [k for k, (_, made) in enumerate(acting) if made.holds]
 
@@ -218,8 +223,9 @@ class Runner:
             forces = dict(zip(holding, held, strict=True))
 
             def rate(later: float, y: np.ndarray) -> np.ndarray:
-                now = self._moved(acting, memory, before, y, u, later, t, paths, forces)
-                return self._rate(t + later, y, u, p, acting, now, paths, forces)
+                driven = u + (later / h - 0.5) * ramp if self.lines else u
+                now = self._moved(acting, memory, before, y, driven, later, t, paths, forces)
+                return self._rate(t + later, y, driven, p, acting, now, paths, forces)
 
             a = rate(0.0, x)
             b = rate(h / 2, x + h / 2 * a)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..effects import Effect
+from .accelerations import added_to_rates, rates_read
 from .base import Simulator
 from .integrate import Runner
 from .placement import Placement
@@ -48,8 +49,12 @@ def played(
             states = [x[:, : len(simulator.states), k].T for k in range(many)]
             found = [dict(zip(simulator.states, own, strict=True)) for own in states]
             if simulator.outputs:
+                read = rates_read(simulator, {j.velocity for j in joints}, t, states[0], drive[0])
                 for k, own in enumerate(states):
                     rows = simulator.output(t, own, drive[k], p)
+                    if acting and np.any(read):
+                        at = dt, start, t, own, drive[k], p
+                        rows = rows + read @ added_to_rates(simulator, acting, joints, *at)
                     found[k] |= dict(zip(simulator.outputs, rows, strict=True))
         else:
             found = _followed(simulator, t, u, drive, x0, p, active, joints)

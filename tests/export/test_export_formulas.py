@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import subprocess
 from pathlib import Path
@@ -29,6 +30,7 @@ from pamid.estimators import (
 
 from pamid.errors import ExportError
 from pamid.export import export
+from pamid.export.expression import symbol
 from pamid.export.formula import reference_rows
 from pamid.export.write import any_plan_of
 from pamid.volume.braided import BraidedVolume, chou_hannaford
@@ -191,3 +193,10 @@ def test_what_is_no_formula_is_named(table, tmp_path: Path):
     named = SINDyRegressor(("my eps",), degree=1).fit(table[["eps"]].rename(columns={"eps": "my eps"}), table["F"])
     with pytest.raises(ExportError, match="not a C identifier"):
         export(named, tmp_path)
+
+
+def test_functions_of_angles_are_recorded_and_those_of_math_refused() -> None:
+    x = symbol("x")
+    assert {f(x).op for f in (np.cos, np.tan, np.cosh, np.sinh)} <= {"sin", "div", "mul"}
+    with pytest.raises(ExportError, match=r"numpy\.cos for math\.cos"):
+        math.cos(x)

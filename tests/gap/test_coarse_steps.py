@@ -47,7 +47,7 @@ def test_one_step_a_sample_is_no_gap(new_speed: bool, columns: str) -> None:
     found = diagnose_simulator(stepped(new_speed, columns), oscillator(), NAMED)
     assert found.verdict == "none"
     method = SEMI_IMPLICIT if new_speed and columns == "x" else STEPS  # of speeds that are read both say the same
-    assert found.deviations[method] == pytest.approx(1.0, abs=0.2)
+    assert found.deviations[method] == pytest.approx(1.0, abs=0.3)  # tolerances draw it towards none
 
 
 @pytest.mark.parametrize("columns", ["xv", "x"])

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from pamid.gap.inference.gauss_newton import Fitter
+from pamid.gap.inference.gauss_newton import FINAL, Fitter
 from pamid.gap.residuals.shooting import ShootingEvidence
 from pamid.gap.simulated import evidence_of
 from pamid.simulators import FunctionSimulator, Port
@@ -36,7 +36,7 @@ def test_a_fit_ends_at_the_same_likelihood_wherever_it_begins(fitter: Fitter) ->
     """Along a way on which the leak, an outlet and the pump balance."""
     to = fitter.evidence.placements[LEAK].outward({"conductance": 1.0, "exponent": 1.0})["conductance"]
     found = [fitter.refine({LEAK: {"conductance": k / to, "exponent": 0.5}}) for k in (1e-3, 5e-3)]
-    assert abs(found[0].loglik - found[1].loglik) < 0.1
+    assert abs(found[0].loglik - found[1].loglik) < FINAL
 
 
 def test_a_response_follows_how_far_a_joint_without_an_angle_moves() -> None:

@@ -94,3 +94,23 @@ def test_a_late_reading_of_a_nonlinear_plant_is_one_class_with_a_late_command() 
     [cause] = diagnose_simulator(log, heater(0.2), "all").causes
     assert {*zip(cause.effects, cause.where, strict=True)} >= {("actuator_delay", "u"), ("sensor_delay", "y")}
     assert cause.parameters["delay"].value == pytest.approx(5 * STEP, rel=0.1)
+
+
+def test_so_is_a_late_reading_of_an_angle() -> None:
+    """Noise of an angle, of which an acceleration is derived, prefers a command that comes late."""
+    rng, dt, runs = np.random.default_rng(8), 0.005, []
+    for run in range(3):
+        t = dt * np.arange(500)
+        torque, q, w, path = 4.0 * np.sin((2.0 + run) * t) + 3.0 * np.sin(7.3 * t + run), 0.0, 0.0, []
+        for u in torque:
+            path.append(q)
+            for _ in range(10):
+                w += 0.1 * dt * (u - 6.0 * np.sin(q) - 0.4 * w)
+                q += 0.1 * dt * w
+        late = np.interp(t - 0.02, t, path) + 1e-4 * rng.standard_normal(len(t))
+        runs.append(pd.DataFrame({"trajectory": str(run), "time": t, "torque": torque, "q": late}))
+    ports = [Port("torque", "input", "N m"), Port("q", "state", "rad"), Port("w", "state", "rad/s")]
+    pendulum = FunctionSimulator(lambda t, x, u, p: [x.w, u.torque - 6.0 * np.sin(x.q) - 0.4 * x.w], ports, {})
+    found = diagnose_simulator(pd.concat(runs), pendulum, ["actuator_delay", "sensor_delay", "viscous_friction"])
+    [cause] = found.causes
+    assert set(cause.effects) == {"actuator_delay", "sensor_delay"}

@@ -11,7 +11,7 @@ from ..settings import CERTAIN, CLASS, CLOSE, CLOSE_SHARE, EXCESS, KEPT, MOST_CA
 from .first_order import FirstOrder, closed_share, excess_of
 from .gauss_newton import joined, slots_of
 from .hypotheses import Hypothesis, Outcome, Screen, Single
-from .sensitivity import POINTS, Template, grid, has_form, law_of, root_of
+from .sensitivity import POINTS, Template, adds, grid, has_form, law_of, root_of
 from .so_far import INTERRUPTED, causes_so_far, in_words, stopped
 from .subsets import Subset, Subsets
 
@@ -457,7 +457,8 @@ class Competition(FirstOrder):
             start = {p.name: spec[name].get(p.name, p.nominal) for p in self.evidence.effects[twin].parameters}
             key = others | {twin}
             near = self._refined_as({**{k: spec[k] for k in others}, twin: start}, best)
-            if not self.evidence.effects[twin].follows_path() or near.plain > best.plain - CLASS:
+            force = adds(self.evidence.effects[twin]) and self.evidence.effects[twin].follows_path()
+            if not force or near.plain > best.plain - CLASS:
                 self._done[key] = replace(near, score=best.score)
         return self._in_place(best, name)
 

@@ -18,8 +18,11 @@ import numpy as np
 from ...fitting.marquardt import Damping
 from .student_t import RobustFit, bounded, loglik, window_weights
 
-DAMPED = 1e-2
-"""Damping of the first step; the result of a fit does not depend on it (``benchmarks/settings.py --computed``)."""
+DAMPED = 1e-8
+"""Damping of the first step; the result of a fit does not depend on it (``benchmarks/settings.py --computed``).
+
+A whole step comes first: windows are weighted as they count where it ends, so that a part of it may gain nothing.
+"""
 REWEIGHTED = 4
 """How often windows are weighted anew before a step: affects run time only."""
 BROYDEN = 3.0
@@ -74,7 +77,7 @@ def descend(
         return RobustFit(value - prior.cost(x), x, z, scales)
 
     best = there(x)
-    damping = Damping(DAMPED, shrink=0.1, grow=10.0, least=1e-4, most=1e2)
+    damping = Damping(DAMPED, shrink=0.1, grow=100.0, least=1e-12, most=1e2)
     A, anew = np.zeros(0), True
     for left in reversed(range(rounds)):
         A = slopes(best.x) if anew else A
@@ -102,15 +105,19 @@ def descend(
             step = bounded(H + np.diag(much * diagonal), g, lower, upper)  # noqa: B023 - used within this round
             return there(np.clip(here.x + step, room.lower, room.upper))  # noqa: B023
 
-        found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik)
+        # Where updated slopes fail, new ones tell more than a shorter step.
+        before, tries = damping.value, None if anew else 1
+        found = damping.descend(-here.loglik, propose, lambda trial: -trial.loglik, tries)
         if found is None:
             if anew:
                 break
-            anew, damping.value = True, DAMPED
+            anew = True
             continue
         best = found[0]
         gain = best.loglik - here.loglik
-        if gain < enough or best.loglik + left * gain <= behind:  # as much again in each step left is not enough
+        if best.loglik + left * gain <= behind:  # as much again in each step left is not enough
+            break
+        if gain < enough and damping.value >= before:  # else it was only damped too much: more was promised
             break
         # A step that gained much updates the slopes itself (Broyden); the next but one is relinearised.
         anew = not anew or gain < BROYDEN * enough

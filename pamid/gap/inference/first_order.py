@@ -49,6 +49,14 @@ class FirstOrder:
         """The effects that change something on this log."""
         return list(dict.fromkeys(t.effect for t in self.templates))
 
+    @property
+    def _laid_about(self) -> np.ndarray:
+        """The deviations about which the library is linearised."""
+        x = np.zeros(self.evidence.J.shape[1])
+        known = next((t.x for t in self.templates if t.x is not None), x)
+        x[: len(known)] = known  # steps of an integrator may have come after them
+        return x
+
     def screen(self, most: int = MOST_CAUSES) -> Screen:
         """Score every set of effects to first order, and return those that are worth an exact refit."""
         if not self.templates:
@@ -160,9 +168,11 @@ class FirstOrder:
         """Return the subsets of a library about a hypothesis, some of its effects taken out, forms exact or not."""
         evidence, fit = self.evidence, h.fit
         spec = {k: v for k, v in fit.spec.items() if k not in without}
-        z = evidence.tangent(spec, fit.x)
+        # Tolerances may compensate nearly all that an effect changes: both have to be linearised about one point.
+        x = fit.x if spec or not evidence.simulates else self._laid_about
+        z = evidence.tangent(spec, x)
         m = evidence.J.shape[1]
-        fixed, precision = [evidence.slopes(spec, fit.x)], [np.full(m, TOLERANCE)]
+        fixed, precision = [evidence.slopes(spec, x)], [np.full(m, TOLERANCE)]
         lower, upper = [self.fitter.low], [self.fitter.high]
         if spec:
             slots = slots_of(evidence.effects, spec)

@@ -326,6 +326,8 @@ def _nudge(p: Parameter, v: float) -> float:
         return REFINED * p.upper
     h = 0.01 * abs(v) if v else 1e-3 * (abs(p.nominal) or 0.1 * min(1.0, p.upper))
     h = max(h, 1e-6 * (abs(p.nominal) or p.upper))
+    if p.lower < p.upper:  # to a bound from within a thousandth of it
+        h = min(h, 0.5 * (p.upper - p.lower))
     return h if v + h <= p.upper else -h
 
 

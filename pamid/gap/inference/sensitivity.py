@@ -10,8 +10,8 @@ import numpy as np
 
 from ...effects import Effect, Parameter
 from ..residuals.protocol import ResidualSource, Spec
-from ..settings import LEAST_GAIN
-from .student_t import loglik
+from ..settings import EXCESS, LEAST_GAIN
+from .student_t import loglik, scale
 
 _REACH = 12.0
 """How far, as a factor, the grid of a positive nonlinear parameter reaches to both sides of its typical value."""
@@ -43,6 +43,8 @@ class Template:
     """The effect."""
     of: float = 1.0
     """Points of a fine grid for each that was kept since it closes most: noise has as many chances."""
+    x: np.ndarray | None = None
+    """Deviations of the tolerances about which it is linearised; None for none."""
 
     @property
     def family(self) -> str:
@@ -102,7 +104,7 @@ def laid(evidence: ResidualSource, name: str, x: np.ndarray | None = None) -> li
             lower, upper = np.array(bounds, dtype=float).T
             top = min((p.upper for p in others if p.idle), default=np.inf)
             names, of = tuple(p.name for p in linear), every / len(grids)
-            found.append(Template(name, fixed, names, D, lower, upper, top, effect, of))
+            found.append(Template(name, fixed, names, D, lower, upper, top, effect, of, x))
     return found
 
 
@@ -207,7 +209,9 @@ def _far(evidence: ResidualSource, name: str, p: Parameter, D: np.ndarray) -> li
     """Return the likeliest template of a factor of e or more, by simulation until the likelihood levels off."""
     none = np.zeros(len(evidence.free))
     Q = np.linalg.qr(evidence.J)[0] if evidence.J.shape[1] else np.zeros((len(D), 0))
-    own = D - Q @ (Q.T @ D)
+    own, left = D - Q @ (Q.T @ D), evidence.z0 - Q @ (Q.T @ evidence.z0)
+    if all(scale(left[part], 0.0) <= 1.0 + EXCESS for part in evidence.parts):
+        return []  # it takes runs of a simulator, and there is nothing to explain
     wanted = -float(own @ evidence.z0) / max(float(own @ own), 1e-300)
     if 1.0 < math.e * (1.0 + wanted) < math.e**2:
         return []

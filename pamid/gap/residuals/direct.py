@@ -22,6 +22,7 @@ from ...remembered import Remembered
 from ...signals.paths import steady_path
 from ...signals.rates import differentiate, tune_cutoff
 from ...signals.resting import at_rest
+from ...simulators.accelerations import rates_read
 from ...simulators.base import Simulator
 from ...simulators.integrate import STEPS
 from ...simulators.links import Link
@@ -84,6 +85,7 @@ class DirectEvidence(MotionRates):
         self._step: float | None = None
         """Step by which the simulator is run over each sample; None where lines between its ends are enough."""
         self._through = np.eye(len(simulator.states))
+        self._felt = np.zeros((len(simulator.outputs), len(simulator.states)))
         self._fast, self._u = False, log.inputs(simulator)
         self._x, self._table = self._motion(log.channels)
         if simulator.form == "ode":
@@ -92,6 +94,7 @@ class DirectEvidence(MotionRates):
             found = joints_of(simulator, self.pairs, self.pushes)  # of a speed alone the integral is the path
             self.joints: list[JointPort] = [j if j.position in log.channels else j._replace(position="") for j in found]
             self.feeds = fed_by(simulator, *at)
+            self._felt = rates_read(simulator, {j.velocity for j in self.joints}, *at)
             self._rounding = speed_slopes(simulator, derived, *at)
             self._base_rates = self._rates(self._x, self._u, self._ends(self._u), simulator.numbers)
             self._bend = self._bent(self._base_rates, self._ends(self._u))
@@ -340,18 +343,18 @@ class DirectEvidence(MotionRates):
                 p = changed(p, place, made, simulator, log)
         u = passed_on(active, u, simulator.inputs, log, not self.lines)
         shown, pushed = u.copy(), np.hstack([u, self._ends(u)])
-        added = np.zeros((len(x), 2 * log.n))
+        added, felt = np.zeros((len(x), 2 * log.n)), np.zeros_like(x)
         for place, made in active:
             if place.acts:
                 rows, both = self._force(place, made, followed or table)
                 place.push(made, both, simulator, self._both(x, u, self._ends(u), p), pushed, added)
                 if simulator.outputs:
-                    place.push(made, rows, simulator, (log.t, x, u, wide(p, log.n)), shown, np.zeros_like(x))
+                    place.push(made, rows, simulator, (log.t, x, u, wide(p, log.n)), shown, felt)
         if simulator.form == "algebraic":
             return self._windowed(active, readings, np.zeros((0, 0)), self._outputs(x, shown, p))
         rates = self._total_rates(x, u, pushed, p, restored) + self._through @ added
         rates = rates + as_read(self.derived, readings, simulator.states, x, log)
-        return self._windowed(active, readings, rates, self._outputs(x, shown, p))
+        return self._windowed(active, readings, rates, self._outputs(x, shown, p) + self._felt @ felt)
 
     def _force(self, place: Placement, made: Any, table: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Return the force of an effect at the rows, and at both ends of each step."""

@@ -12,6 +12,7 @@ from ...effects import Effect
 from ...errors import SimulatorRunError
 from ...remembered import Remembered
 from ...signals.paths import steady_path
+from ...simulators.accelerations import added_to_rates
 from ...simulators.base import Simulator
 from ...simulators.integrate import MOST, Runner, side_by_side
 from ...simulators.placement import Placement
@@ -49,6 +50,8 @@ class PredictedEvidence(StretchEvidence):
         self.rough, self._u = simulator.form == "run", log.inputs(simulator)
         self.n = self.substeps = 1
         self._has_run = False
+        self._felt = np.zeros((len(simulator.outputs), len(simulator.states)))
+        """How many times outputs read the rates of states."""
         self._failed: tuple[int, list[str], int] | None = None
         self.simulated = 0.0
         self._kept_runs: dict[int, np.ndarray] = {}
@@ -268,7 +271,7 @@ class PredictedEvidence(StretchEvidence):
         self, x0: np.ndarray, u: np.ndarray, copies: np.ndarray, acting: Active
     ) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
         simulator, log, given, many = self.simulator, self.log, u, len(copies)
-        u = drawn(u, log.starts, self.substeps) if self.lines else u
+        u = drawn(u, log.starts) if self.lines else u
         rows = side_by_side(self.stretches, max(s.stop - s.first for s in self.stretches))
         t, drive = np.tile(log.t[rows], many), np.tile(np.moveaxis(u[:, rows], 0, 1), many)
         numbers = np.concatenate([np.moveaxis(c[:, rows], 0, 1) for c in copies], axis=2)
@@ -284,14 +287,20 @@ class PredictedEvidence(StretchEvidence):
         states = x.reshape(*x.shape[:2], many, len(self.stretches))[step, :, :, of].transpose(2, 1, 0)
         if many == 1 and np.abs(x).max(initial=0.0) < MOST:
             self._along[kind] = states[0]
-        return states, np.stack([self._outputs_along(own, given, p) for own, p in zip(states, copies, strict=True)])
+        outputs = [self._outputs_along(own, given, p, acting) for own, p in zip(states, copies, strict=True)]
+        return states, np.stack(outputs)
 
-    def _outputs_along(self, states: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    def _outputs_along(self, states: np.ndarray, u: np.ndarray, p: np.ndarray, acting: Active) -> np.ndarray:
         """Return the outputs along states."""
-        if not self.simulator.outputs:
+        simulator, log = self.simulator, self.log
+        if not simulator.outputs:
             return self._none
         with np.errstate(all="ignore"):
-            return np.asarray(self.simulator.output(self.log.t, states, u, p))
+            plain = np.asarray(simulator.output(log.t, states, u, p))
+            if not acting or not np.any(self._felt):
+                return plain
+            at = log.dt, self._firsts, log.t, states, u, p
+            return plain + self._felt @ added_to_rates(simulator, acting, self.joints, *at)
 
     def _near(self, x0: np.ndarray, base: Drive, drive: Drive) -> tuple[np.ndarray, np.ndarray]:
         """Return the channels under a drive, or to first order under one near it."""
@@ -330,7 +339,7 @@ class PredictedEvidence(StretchEvidence):
 
     def _shown_near(self, states: np.ndarray, drive: Drive) -> np.ndarray:
         """Return the channels along changed states."""
-        return self._shown(states, self._outputs_along(states, drive.u, drive.p), self.shown)
+        return self._shown(states, self._outputs_along(states, drive.u, drive.p, drive.acting), self.shown)
 
     def _combined(self, x0: np.ndarray, base: Drive, drive: Drive) -> np.ndarray:
         """Return the outputs under a drive near another: known responses superposed, only new ones simulated."""

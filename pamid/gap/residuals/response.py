@@ -86,7 +86,7 @@ class Response:
         """Return a copy of the inputs at mid-step."""
         if not drive.lines:
             return drive.u[:, self.before].copy()
-        whole = drawn(drive.u, self.log.starts, 1)
+        whole = drawn(drive.u, self.log.starts, stairs=True)
         return np.asarray(0.5 * (whole[:, self.before] + whole[:, self.before + 1]))
 
     def _rates(self, drive: Drive, x: np.ndarray | None = None) -> np.ndarray:

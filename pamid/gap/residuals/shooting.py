@@ -25,6 +25,7 @@ import numpy as np
 from ...effects import Parameter
 from ...equations.noise import channel_noise, noise_beside
 from ...signals.ends import end_of
+from ...simulators.accelerations import rates_read
 from ...simulators.base import Simulator
 from ...simulators.integrate import side_by_side, substeps_for
 from ...simulators.port_log import PortLog
@@ -154,6 +155,7 @@ class ShootingEvidence(PredictedEvidence):
         self._pairs = kinematic_pairs(simulator, log.t[at], x, u)
         self.pushes = pushes_of(simulator, log.t[at], x, u, 1e-3 * np.array([np.ptp(v) or 1.0 for v in self._u]))
         self.joints = joints_of(simulator, self._pairs, self.pushes)
+        self._felt = rates_read(simulator, {j.velocity for j in self.joints}, log.t[at], x, u)
         self._responses.clear()  # those of the start know no path of a joint
         self.feeds = fed_by(simulator, log.t[at], x, u)
         self._rates = simulator.rate(log.t, self._states, self._u, p)
@@ -235,7 +237,8 @@ class ShootingEvidence(PredictedEvidence):
         if anew:
             if kind not in self._moved or holds(active):
                 x0, left = self._read_or(x0, left, active, numbers)
-            (x0, influence), left = self._begun_best(x0, left, active, numbers)
+            near = self._from.get(named(*self._last.get(kind, (active, numbers))), Begun(x0, self._O))
+            (x0, influence), left = self._begun_best(x0, left, active, numbers, near.influence)
         shift = self._explained(left, influence)
         if anew:
             while len(self._from) >= MOST_RUNS:
@@ -259,18 +262,20 @@ class ShootingEvidence(PredictedEvidence):
         return np.where(better, read, x0), np.where(better[self._window_of], trial, left)
 
     def _begun_best(
-        self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray
+        self, x0: np.ndarray, left: np.ndarray, active: Active, numbers: np.ndarray, near: Influence
     ) -> tuple[Begun, np.ndarray]:
-        """Return the initial states that fit best under a change, and what they leave."""
+        """Return the initial states that fit best under a change, and what they leave; how they act `near` it."""
         read = self._as_read(x0, active, numbers)
         if read is None and holds(active):
             read = self._slopes(x0, numbers, active)
-        influence = self._O if read is None else self._influence(read)
+        influence = near if read is None else self._influence(read)
         power, share = self._squares(left), np.ones(len(self.stretches))
         for done in range(ROUNDS):
             shift = self._explained(left, influence)
-            # Changes that fit worse than none need no exact start.
-            if not self._far(shift, influence) or (done and np.sum(power) > self._usual):
+            if not self._far(shift, influence):
+                break
+            # Changes that fit worse than none from any start need no exact one.
+            if done and np.sum(self._squares(left - influence.moved(shift) * self._scale)) > self._usual:
                 break
             trial = self._left(self.log.channels, self._predict(x0 + share * shift, active, numbers))
             found = self._squares(trial)
