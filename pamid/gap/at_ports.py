@@ -70,11 +70,11 @@ class OtherNoiseError(Exception):
 
 
 class UnjudgedError(Exception):
-    """The equations cannot judge what predictions can, as the message says; `predicted` are those, where made."""
+    """The equations cannot judge what predictions can: why, what they found, and predictions where made."""
 
-    def __init__(self, why: str, predicted: ShootingEvidence | None = None) -> None:
+    def __init__(self, why: str, found: Spec | None = None, predicted: ShootingEvidence | None = None) -> None:
         super().__init__(why)
-        self.predicted = predicted
+        self.found, self.predicted = found or {}, predicted
 
 
 def diagnose_at_ports(
@@ -172,14 +172,14 @@ def diagnose_evidence(
             if searched.made_in_samples:  # predictions by exact integration would drift away from it
                 return
             if any(map(searched.drowns, in_question(outcome))):
-                raise UnjudgedError(DROWNED)
+                raise UnjudgedError(DROWNED, best.fit.spec)
             if verdict.named and max(searched.pulled_under(best.fit.spec, best.fit.x)) > LEAST_GAIN:
-                raise UnjudgedError(PULLED)
+                raise UnjudgedError(PULLED, best.fit.spec)
             if outcome.unseen(searched.hides) or (doubted and any(map(searched.hides, about_as_good(outcome)))):
-                raise UnjudgedError(UNSEEN)
+                raise UnjudgedError(UNSEEN, best.fit.spec)
             promising = best.score - outcome.base.score > searched.least_gain
             if promising and not verdict.named and np.all(outcome.base.left < np.sqrt(2.0)):
-                raise UnjudgedError(BURIED)
+                raise UnjudgedError(BURIED, best.fit.spec)
 
         try:
             found = explain(
@@ -198,7 +198,7 @@ def diagnose_evidence(
             )
             nothing = not found.interrupted and found.verdict == "none"
             if nothing and (predicted := shown_by_predictions(evidence)) is not None:
-                raise UnjudgedError(BURIED, predicted)
+                raise UnjudgedError(BURIED, predicted=predicted)
         except OtherNoiseError as other:
             say("again, with noise that lasts" if other.begin is None else "again, without noise that lasts")
             return diagnose_evidence(evidence, effects, seed, say, change, other.begin or begin)
@@ -206,7 +206,11 @@ def diagnose_evidence(
             say("again, by predictions, in which noise hides less than in the equations")
             predicted = why.predicted or by_predictions(evidence)
             predicted.notes.append(str(why))
-            return diagnose_evidence(predicted, effects, seed, say, change)
+            begin = {
+                name: predicted.placements[name].inward(searched.placements[name].outward(values))
+                for name, values in why.found.items()
+            }
+            return diagnose_evidence(predicted, effects, seed, say, change, begin)
     return Judged(twice(lambda _: told(found, evidence)), evidence, known.learned)
 
 
